@@ -1,0 +1,40 @@
+//! Room 3: candidates ↔ wire ↔ candidates.
+//!
+//! Read in this order: [`wire`] is a batch of messages as bytes, [`session`] the Zenoh session both
+//! ends open, [`outbound`] the board's end (shared memory → network), [`inbound`] the end beside
+//! fusion (network → shared memory), [`gaps`] the count of what did not arrive.
+//!
+//! Deliberately absent: what a message means. Stamps pass unchanged: until boards and fusion have a
+//! common clock, `exposed_ns` is on the camera's own.
+#![forbid(unsafe_code)]
+
+pub mod gaps;
+pub mod inbound;
+pub mod outbound;
+pub mod session;
+pub mod wire;
+
+use shm_layout::services;
+
+/// Why messages cannot be moved.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Shared memory cannot be had.
+    #[error(transparent)]
+    Services(#[from] services::Error),
+    /// The network cannot be had; `what` says which step.
+    #[error("network: cannot {what}: {why}")]
+    Network {
+        /// The step that failed.
+        what: String,
+        /// Zenoh's words.
+        why: String,
+    },
+    /// A thread of this process is gone, which only a bug can do.
+    #[error("the network thread ended early")]
+    NetworkThreadGone,
+}
+
+fn network(what: impl std::fmt::Display) -> impl FnOnce(zenoh::Error) -> Error {
+    move |why| Error::Network { what: what.to_string(), why: why.to_string() }
+}

@@ -1,0 +1,86 @@
+//! `bridge`: between the shared memory of a machine and the network.
+
+use anyhow::Context as _;
+use bridge::session::DEFAULT_ENDPOINT;
+use bridge::{inbound, outbound};
+use clap::{Parser, Subcommand};
+use shm_layout::Camera;
+use shm_layout::stop::Stop;
+use std::process::ExitCode;
+
+/// Carries candidates from boards to fusion.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Flags {
+    #[command(subcommand)]
+    end: End,
+    /// End when the process that started this one has ended.
+    #[arg(long, global = true)]
+    with_parent: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum End {
+    /// On a board: shared memory to network.
+    Board {
+        /// Name of the court: 1 to 32 of a-z, 0-9 and '-'.
+        #[arg(long)]
+        court: String,
+        /// Which camera's board: left or right.
+        #[arg(long)]
+        camera: Camera,
+        /// Where the bridge beside fusion listens.
+        #[arg(long, value_name = "ENDPOINT", default_value = DEFAULT_ENDPOINT)]
+        connect: String,
+    },
+    /// Beside fusion: network to shared memory.
+    Fusion {
+        /// Name of the court: 1 to 32 of a-z, 0-9 and '-'.
+        #[arg(long)]
+        court: String,
+        /// Where boards connect. Anything but loopback is open to whoever reaches it.
+        #[arg(long, value_name = "ENDPOINT", default_value = DEFAULT_ENDPOINT)]
+        listen: String,
+    },
+}
+
+fn main() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::builder()
+                .with_default_directive(tracing::level_filters::LevelFilter::ERROR.into())
+                .from_env_lossy(),
+        )
+        .with_writer(std::io::stderr)
+        .init();
+    let flags = Flags::parse();
+    match run(&flags) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("bridge {}: {e:#}", place(&flags.end));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn place(end: &End) -> &'static str {
+    match end {
+        End::Board { camera, .. } => camera.name(),
+        End::Fusion { .. } => "fusion",
+    }
+}
+
+fn run(flags: &Flags) -> anyhow::Result<()> {
+    let stop = Stop::on_signals(flags.with_parent).context("cannot listen to signals")?;
+    match &flags.end {
+        End::Board { court, camera, connect } => {
+            let sent = outbound::run(court, *camera, connect, &stop)?;
+            tracing::info!(?sent, "bridge {camera} stopped");
+        }
+        End::Fusion { court, listen } => {
+            let received = inbound::run(court, listen, &stop)?;
+            tracing::info!(?received, "bridge fusion stopped");
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,139 @@
+//! `capture`: frames from disk into the shared memory of a board.
+
+use anyhow::Context as _;
+use capture::Error;
+use capture::pace::{self, InFlight, MAX_IN_FLIGHT, Speed};
+use capture::publisher::Publisher;
+use capture::source::{Source, Stamps};
+use clap::Parser;
+use shm_layout::services::{Domain, Place};
+use shm_layout::stop::{LOOK_EVERY, Stop};
+use shm_layout::{Camera, MAX_STRIPS};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Publishes the frames of one camera into shared memory.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Flags {
+    /// Name of the court: 1 to 32 of a-z, 0-9 and '-'.
+    #[arg(long)]
+    court: String,
+    /// Which camera this is: left or right.
+    #[arg(long)]
+    camera: Camera,
+    /// A YUV4MPEG2 file, mono or 4:2:0.
+    #[arg(long, value_name = "FILE", group = "source")]
+    recording: Option<PathBuf>,
+    /// A directory of PNG or PGM pictures, in the order of their names.
+    #[arg(long, value_name = "DIR", group = "source")]
+    pictures: Option<PathBuf>,
+    /// One integer a line, nanoseconds [default: beside the recording, named *.timestamps].
+    #[arg(long, value_name = "FILE", conflicts_with = "frame_rate_hz")]
+    timestamps: Option<PathBuf>,
+    /// For frames without stamps: evenly spaced.
+    #[arg(long, value_name = "HZ", value_parser = frame_rate_from_text)]
+    frame_rate_hz: Option<f64>,
+    /// As recorded, or as fast as the workers keep up without a loss.
+    #[arg(long, value_enum, default_value = "real")]
+    speed: Speed,
+    /// Workers to wait for before the first frame.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_STRIPS)))]
+    workers: u32,
+    /// Also wait for the bridge.
+    #[arg(long)]
+    wait_for_bridge: bool,
+    /// End when the process that started this one has ended.
+    #[arg(long)]
+    with_parent: bool,
+}
+
+fn main() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .init();
+    let flags = Flags::parse();
+    match run(&flags) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) if matches!(e.downcast_ref(), Some(Error::Stopped)) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("capture {}: {e:#}", flags.camera);
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(flags: &Flags) -> anyhow::Result<()> {
+    let mut source = source_of(flags)?;
+    let stop = Stop::on_signals(flags.with_parent).context("cannot listen to signals")?;
+    let member = Domain::new(&flags.court, Place::Board(flags.camera))?.join("capture")?;
+    let mut in_flight = InFlight::new(&member.candidates()?, flags.workers)?;
+    let mut publisher = Publisher::new(&member, flags.camera, source.size_px())?;
+    publisher.wait_for_readers(flags.workers as usize, flags.wait_for_bridge, &stop)?;
+
+    let stamps_ns = source.stamps_ns().to_vec();
+    let begun = Instant::now();
+    let mut n_missed = 0_usize;
+    for (idx, &exposed_ns) in stamps_ns.iter().enumerate() {
+        match flags.speed {
+            Speed::Max => in_flight.wait_until_at_most(MAX_IN_FLIGHT - 1, &stop)?,
+            Speed::Real => {
+                wait_until(pace::due_at(begun, stamps_ns[0], exposed_ns), &stop)?;
+                in_flight.take_progress()?;
+            }
+        }
+        let is_last = idx + 1 == stamps_ns.len();
+        let published = publisher.publish(exposed_ns, is_last, |luma| source.read_into(luma))?;
+        in_flight.add(published.frame_idx);
+        let n_workers = flags.workers as usize;
+        if published.n_reached < n_workers {
+            n_missed += 1;
+            if flags.speed == Speed::Max {
+                let (frame_idx, n_reached) = (published.frame_idx, published.n_reached);
+                return Err(Error::WorkerGone { frame_idx, n_reached, n_workers }.into());
+            }
+        }
+    }
+    // What was published goes with its publisher: stay until the workers have done with it.
+    in_flight.wait_until_at_most(0, &stop)?;
+    let elapsed_s = begun.elapsed().as_secs_f64();
+    tracing::info!(n_frames = stamps_ns.len(), n_missed, elapsed_s, "recording published");
+    Ok(())
+}
+
+fn source_of(flags: &Flags) -> anyhow::Result<Source> {
+    let stamps = |beside: Option<PathBuf>| match (&flags.timestamps, flags.frame_rate_hz, beside) {
+        (Some(path), _, _) => Ok(Stamps::File(path.clone())),
+        (None, Some(frame_rate_hz), _) => Ok(Stamps::FrameRateHz(frame_rate_hz)),
+        (None, None, Some(path)) => Ok(Stamps::File(path)),
+        (None, None, None) => Err(anyhow::anyhow!("pictures need --timestamps or --frame-rate-hz")),
+    };
+    Ok(match (&flags.recording, &flags.pictures) {
+        (Some(path), None) => {
+            Source::from_recording(path, &stamps(Some(path.with_extension("timestamps")))?)?
+        }
+        (None, Some(directory)) => Source::from_pictures(directory, &stamps(None)?)?,
+        _ => anyhow::bail!("expected --recording FILE or --pictures DIR"),
+    })
+}
+
+fn wait_until(due: Instant, stop: &Stop) -> Result<(), Error> {
+    loop {
+        if stop.is_raised() {
+            return Err(Error::Stopped);
+        }
+        let left = due.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Ok(());
+        }
+        std::thread::sleep(left.min(LOOK_EVERY));
+    }
+}
+
+fn frame_rate_from_text(text: &str) -> Result<f64, String> {
+    let expected = || format!("expected 1 to 1000 frames/s, got {text:?}");
+    let frame_rate_hz: f64 = text.parse().map_err(|_| expected())?;
+    if (1.0..=1000.0).contains(&frame_rate_hz) { Ok(frame_rate_hz) } else { Err(expected()) }
+}

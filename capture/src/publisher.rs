@@ -1,0 +1,133 @@
+//! Lends a frame in shared memory, has it filled, and publishes it to whoever reads.
+//!
+//! The simulator publishes through this too: what pretends to be a camera comes in by this door.
+
+use crate::Error;
+use rustix::time::{ClockId, clock_gettime};
+use shm_layout::ports::{FrameService, FrameWriter, MessageService, MessageWriter};
+use shm_layout::services::{self, Member};
+use shm_layout::stop::Stop;
+use shm_layout::{Camera, FrameInfo, StampNs};
+use std::time::{Duration, Instant};
+
+/// How long a recording waits for those who are to read it.
+const READERS_WITHIN: Duration = Duration::from_secs(20);
+
+/// The writing end of one camera's frames.
+#[derive(Debug)]
+pub struct Publisher {
+    frames: FrameService,
+    infos: MessageService<FrameInfo>,
+    frame_writer: FrameWriter,
+    info_writer: MessageWriter<FrameInfo>,
+    camera: Camera,
+    recording_id: u64,
+    next_idx: u64,
+    width_px: u32,
+    height_px: u32,
+}
+
+/// What became of a published frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Published {
+    /// Its number within the recording.
+    pub frame_idx: u64,
+    /// How many readers have it.
+    pub n_reached: usize,
+}
+
+impl Publisher {
+    /// Opens the services of `camera` for frames of one size.
+    ///
+    /// # Errors
+    /// When /dev/shm is too small, or another capture publishes this camera.
+    pub fn new(
+        member: &Member,
+        camera: Camera,
+        (width_px, height_px): (u32, u32),
+    ) -> Result<Self, Error> {
+        services::check_shm_holds_frames(width_px, height_px)?;
+        let (frames, infos) = (member.frames()?, member.frames_info()?);
+        let frame_writer = frames.writer(width_px as usize * height_px as usize)?;
+        let info_writer = infos.writer()?;
+        // Boots and runs differ in it; two runs within a nanosecond do not happen.
+        let recording_id = u64::from(std::process::id()) << 40 ^ monotonic_ns().unsigned_abs();
+        Ok(Self {
+            frames,
+            infos,
+            frame_writer,
+            info_writer,
+            camera,
+            recording_id,
+            next_idx: 0,
+            width_px,
+            height_px,
+        })
+    }
+
+    /// Waits until `n_workers` read the frames and, with `with_bridge`, somebody reads the infos.
+    ///
+    /// # Errors
+    /// [`Error::NobodyListens`] after 20 s, [`Error::Stopped`].
+    pub fn wait_for_readers(
+        &self,
+        n_workers: usize,
+        with_bridge: bool,
+        stop: &Stop,
+    ) -> Result<(), Error> {
+        let begun = Instant::now();
+        loop {
+            let n_workers_here = self.frames.n_readers();
+            let is_bridge_here = !with_bridge || self.infos.n_readers() > 0;
+            if n_workers_here >= n_workers && is_bridge_here {
+                return Ok(());
+            }
+            if stop.is_raised() {
+                return Err(Error::Stopped);
+            }
+            if begun.elapsed() > READERS_WITHIN {
+                return Err(Error::NobodyListens {
+                    waited_s: READERS_WITHIN.as_secs(),
+                    n_workers,
+                    n_workers_here,
+                    and_bridge: if is_bridge_here { "" } else { " and the bridge (missing)" },
+                });
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    /// Publishes the next frame: `fill` writes its luma straight into shared memory.
+    ///
+    /// # Errors
+    /// What `fill` returns, or when shared memory is gone.
+    pub fn publish(
+        &mut self,
+        exposed_ns: StampNs,
+        is_last: bool,
+        fill: impl FnOnce(&mut [u8]) -> Result<(), Error>,
+    ) -> Result<Published, Error> {
+        let mut loan = self.frame_writer.loan(self.width_px as usize * self.height_px as usize)?;
+        fill(loan.payload_mut())?;
+        let info = FrameInfo {
+            recording_id: self.recording_id,
+            frame_idx: self.next_idx,
+            exposed_ns,
+            published_ns: monotonic_ns(),
+            width_px: self.width_px,
+            height_px: self.height_px,
+            is_last: u32::from(is_last),
+            camera_idx: self.camera.idx() as u32,
+        };
+        // The info goes first: a frame that reaches nobody must still be known to have existed.
+        self.info_writer.send(info)?;
+        let n_reached = self.frame_writer.send(loan, info)?;
+        self.next_idx += 1;
+        Ok(Published { frame_idx: info.frame_idx, n_reached })
+    }
+}
+
+fn monotonic_ns() -> StampNs {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec * 1_000_000_000 + now.tv_nsec
+}

@@ -1,0 +1,107 @@
+//! Arc of the first points -> launch: where, how fast and which way the ball left.
+//!
+//! The arc is read in its middle, where it is known best, and the ball flown back from there: to
+//! the launcher's plane if the rig has one, else to the first point seen. (Eq 26 itself, carried
+//! back 0.2 s further, is 0.14 m and 1.2 m/s off.) It flies with gravity, drag, and what the arc's
+//! own acceleration has beyond these, which is mostly spin and so grows with the speed squared.
+
+use crate::arc::Arc;
+use crate::motion::{azimuth_elevation_rad, seconds_between};
+use crate::world::ball::{Physics, State};
+use crate::world::rig::Rig;
+use nalgebra::{Point3, Vector3};
+use shm_layout::StampNs;
+
+/// Rounds in which the speed at the launch corrects the mean of what grows with it.
+const N_ROUNDS: usize = 3;
+
+/// Longest a ball is flown back. A launcher is nearer; a bounced ball takes longer to go back to
+/// it.
+const FLY_BACK_MAX_S: f64 = 2.0;
+
+/// How a shot began.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Launch {
+    /// When.
+    pub t_ns: StampNs,
+    /// The ball's centre, tracking frame.
+    pub position_m: Point3<f64>,
+    /// Tracking frame.
+    pub velocity_m_s: Vector3<f64>,
+    /// 1 sigma of the speed.
+    pub speed_sigma_m_s: f64,
+    /// Elevation and azimuth, and their sigmas; None without a court.
+    pub direction: Option<Direction>,
+}
+
+/// Where a launch points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Direction {
+    /// Above the ground.
+    pub elevation_rad: f64,
+    /// From +y towards +x.
+    pub azimuth_rad: f64,
+    /// 1 sigma.
+    pub elevation_sigma_rad: f64,
+    /// 1 sigma.
+    pub azimuth_sigma_rad: f64,
+}
+
+/// The arc in its middle, flown back; None if it does not pass the launcher. The covariance is that
+/// of the arc carried back itself.
+#[must_use]
+pub fn from_arc(arc: &Arc, first_ns: StampNs, rig: &Rig) -> Option<Launch> {
+    let middle = arc.state_at(arc.middle_ns());
+    let assumed = rig.physics();
+    let excess_m_s2 = arc.acceleration_m_s2() - assumed.acceleration_m_s2(&middle.velocity_m_s);
+    let launcher = rig.launcher_in_court_m().filter(|_| rig.court_from_left().is_some());
+    let mut back_s = seconds_between(arc.middle_ns(), first_ns);
+    let mut launched = middle;
+    let mut mean_scale = 1.0;
+    for _ in 0..N_ROUNDS {
+        let gravity_m_s2 = assumed.gravity_m_s2 + excess_m_s2 * mean_scale;
+        let physics = Physics { gravity_m_s2, ..assumed };
+        if let Some(launcher) = launcher {
+            back_s = time_to_plane_s(middle, launcher.y, &physics)?;
+        }
+        launched = physics.propagated(middle, back_s);
+        let ratio = launched.velocity_m_s.norm_squared() / middle.velocity_m_s.norm_squared();
+        mean_scale = f64::midpoint(1.0, ratio);
+    }
+    let State { position_m, velocity_m_s } = launched;
+    let t_ns = arc.middle_ns().saturating_add((back_s * 1e9).round() as StampNs);
+    let covariance = arc.covariance_at(t_ns).fixed_view::<3, 3>(3, 3).into_owned();
+    let sigma_along = |unit: Vector3<f64>| unit.dot(&(covariance * unit)).max(0.0).sqrt();
+    let speed_m_s = velocity_m_s.norm();
+    let direction = rig.court_from_left().map(|_| {
+        let [azimuth_rad, elevation_rad] = azimuth_elevation_rad(&velocity_m_s);
+        let (sin, cos) = azimuth_rad.sin_cos();
+        let (rise, level) = elevation_rad.sin_cos();
+        let upwards = Vector3::new(-rise * sin, -rise * cos, level);
+        Direction {
+            elevation_rad,
+            azimuth_rad,
+            elevation_sigma_rad: sigma_along(upwards) / speed_m_s,
+            azimuth_sigma_rad: sigma_along(Vector3::new(cos, -sin, 0.0)) / (speed_m_s * level),
+        }
+    });
+    let speed_sigma_m_s = sigma_along(velocity_m_s / speed_m_s);
+    Some(Launch { t_ns, position_m, velocity_m_s, speed_sigma_m_s, direction })
+}
+
+/// When a ball is in the plane y, by Newton; None if it does not go there.
+fn time_to_plane_s(state: State, y_m: f64, physics: &Physics) -> Option<f64> {
+    let mut time_s = 0.0;
+    for _ in 0..10 {
+        let there = physics.propagated(state, time_s);
+        let step_s = (y_m - there.position_m.y) / there.velocity_m_s.y;
+        time_s += step_s;
+        if time_s.is_nan() || time_s.abs() > FLY_BACK_MAX_S {
+            return None;
+        }
+        if step_s.abs() < 1e-9 {
+            return Some(time_s);
+        }
+    }
+    None
+}

@@ -1,0 +1,439 @@
+//! Room 4: candidates of two cameras -> shots.
+//!
+//! Read in this order, which is that of the chain: [`world`] (what is known before play), then
+//! [`candidates`] (strips of a frame put together; [`intake`] keeps account of them,
+//! [`candidates_csv`] reads and writes files of them), [`rectified`], [`matched`], [`points`],
+//! [`motion`] and [`tracklets`], [`path`], [`arc`] and [`flight`], [`launch`] and [`shot`],
+//! [`decided`], and how they leave, [`shots_json`] and [`message`]. [`Fusion`] is all of it.
+//!
+//! Deliberately absent: IO, a clock, and `Result` in the pipeline. What cannot be used is dropped
+//! and counted ([`Dropped`], [`Rejected`]). Every queue has a maximum, so a stream may run for
+//! weeks. No pixels: where candidates come from is not this room's concern. No physics in the
+//! measurement yet: flights are quadratics (thesis Eq 26) that know of drag.
+#![forbid(unsafe_code)]
+
+pub mod arc;
+pub mod candidates;
+pub mod candidates_csv;
+pub mod decided;
+mod error;
+pub mod flight;
+pub mod intake;
+pub mod launch;
+pub mod matched;
+pub mod message;
+pub mod motion;
+pub mod path;
+pub mod points;
+#[cfg(test)]
+mod pretend;
+pub mod rectified;
+pub mod shot;
+pub mod shots_json;
+pub mod tracklets;
+pub mod world;
+
+pub use candidates::{FrameCandidates, Gather};
+pub use error::Error;
+pub use shot::{Outcome, Shot};
+pub use world::rig::Rig;
+
+use matched::{MatchedFrame, Pairing};
+use shm_layout::{Camera, StampNs};
+use shot::Rejection;
+use world::rectification::Rectification;
+
+/// What may be tuned; the defaults suit the reference rig.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// 1 sigma of a candidate's centre, each axis. Too small and good points miss their gates.
+    pub sigma_px: f64,
+    /// Rows a pair may be apart, on top of what time and size allow.
+    pub row_gate_px: f64,
+    /// Least Eq 21 similarity of a pair: 0.2 is a factor of 2.2 in all sizes.
+    pub similarity_min: f64,
+    /// Instants in a window of tracklets (thesis: 30).
+    pub n_window_frames: usize,
+    /// Instants a window shares with the next (thesis: 5).
+    pub n_overlap_frames: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            sigma_px: 0.3,
+            row_gate_px: 2.5,
+            similarity_min: 0.2,
+            n_window_frames: 30,
+            n_overlap_frames: 5,
+        }
+    }
+}
+
+/// What was left out so far, and why.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Dropped {
+    /// Frames whose stamp is not after the one before, same camera.
+    pub n_backward_frames: u64,
+    /// Left frames without a right frame in time, and right frames nobody waited for.
+    pub n_unpaired_frames: u64,
+    /// Candidates that are not finite numbers.
+    pub n_not_finite: u64,
+    /// Candidates outside the image, or where the lens model has no inverse.
+    pub n_outside_image: u64,
+    /// Pairs beyond [`matched::MAX_PAIRS`].
+    pub n_pairs_beyond_max: u64,
+    /// Points where no ball can be.
+    pub n_points_outside_court: u64,
+    /// Points beyond [`tracklets::MAX_POINTS`].
+    pub n_points_beyond_max: u64,
+    /// Windows with more seeds than [`tracklets::MAX_SEEDS`].
+    pub n_windows_beyond_max_seeds: u64,
+    /// Tracklets beyond [`tracklets::MAX_TRACKLETS`] or [`decided::MAX_WAITING_TRACKLETS`].
+    pub n_tracklets_beyond_max: u64,
+}
+
+/// Paths that were no shot so far, by [`Rejection`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Rejected {
+    /// [`Rejection::TooShort`].
+    pub n_too_short: u64,
+    /// [`Rejection::TooSlow`].
+    pub n_too_slow: u64,
+    /// [`Rejection::AwayFromNet`].
+    pub n_away_from_net: u64,
+    /// [`Rejection::NotFromLauncher`].
+    pub n_not_from_launcher: u64,
+    /// [`Rejection::SameBall`].
+    pub n_same_ball: u64,
+}
+
+impl Rejected {
+    fn count(&mut self, rejection: Rejection) {
+        *match rejection {
+            Rejection::TooShort => &mut self.n_too_short,
+            Rejection::TooSlow => &mut self.n_too_slow,
+            Rejection::AwayFromNet => &mut self.n_away_from_net,
+            Rejection::NotFromLauncher => &mut self.n_not_from_launcher,
+            Rejection::SameBall => &mut self.n_same_ball,
+        } += 1;
+    }
+}
+
+/// Backward frames in a row after which it is the last forward one that was wrong.
+const N_BACKWARD_MAX: u32 = 16;
+
+/// The last frame of a camera, and the frames dropped since because they were before it.
+struct Last {
+    recording_id: u64,
+    exposed_ns: StampNs,
+    n_backward: u32,
+}
+
+/// The whole chain. Feed it both cameras' frames as they arrive; the cameras may be up to
+/// [`matched::MAX_WAITING_FRAMES`] frames apart.
+pub struct Fusion {
+    rig: Rig,
+    rectification: Rectification,
+    settings: Settings,
+    last: [Option<Last>; 2],
+    pairing: Pairing,
+    windows: tracklets::Windows,
+    decider: decided::Decider,
+    dropped: Dropped,
+}
+
+impl Fusion {
+    /// Ready for the first frame.
+    #[must_use]
+    pub fn new(rig: Rig, settings: Settings) -> Self {
+        Self {
+            rectification: Rectification::from_rig(&rig),
+            rig,
+            settings,
+            last: [None, None],
+            pairing: Pairing::default(),
+            windows: tracklets::Windows::default(),
+            decider: decided::Decider::default(),
+            dropped: Dropped::default(),
+        }
+    }
+
+    /// Takes one frame in; gives out the shots that are decided by it.
+    ///
+    /// A frame of another recording than its camera's last ends the stream first, as
+    /// [`Fusion::finish`] does; so does a clock that was set back for good.
+    pub fn update(&mut self, camera: Camera, frame: &FrameCandidates) -> Vec<Shot> {
+        let mut shots = Vec::new();
+        if let Some(last) = &mut self.last[camera.idx()] {
+            let is_new = last.recording_id != frame.recording_id;
+            if !is_new && frame.exposed_ns <= last.exposed_ns {
+                self.dropped.n_backward_frames += 1;
+                last.n_backward += 1;
+                if last.n_backward < N_BACKWARD_MAX {
+                    return shots;
+                }
+            }
+            if is_new || last.n_backward >= N_BACKWARD_MAX {
+                shots = self.finish();
+            }
+        }
+        let FrameCandidates { recording_id, exposed_ns, .. } = *frame;
+        self.last[camera.idx()] = Some(Last { recording_id, exposed_ns, n_backward: 0 });
+        let (rectification, settings) = (&self.rectification, &self.settings);
+        let dropped = &mut self.dropped;
+        let rectified =
+            rectified::from_candidates(camera, frame, &self.rig, rectification, settings, dropped);
+        let matched = self.pairing.update(camera, rectified, rectification, settings, dropped);
+        shots.extend(matched.iter().flat_map(|frame| self.tracked(frame)));
+        shots
+    }
+
+    /// The recording is over: decides what is left, and is ready for another one.
+    pub fn finish(&mut self) -> Vec<Shot> {
+        let dropped = &mut self.dropped;
+        let matched = self.pairing.finish(&self.rectification, &self.settings, dropped);
+        let mut shots: Vec<Shot> = matched.iter().flat_map(|frame| self.tracked(frame)).collect();
+        let tracklets = self.windows.finish(&self.rig.physics(), &mut self.dropped);
+        shots.extend(self.decider.finish(tracklets.unwrap_or_default(), &self.rig));
+        self.last = [None, None];
+        shots
+    }
+
+    /// From a matched frame on.
+    fn tracked(&mut self, matched: &MatchedFrame) -> Vec<Shot> {
+        let (rig, settings, dropped) = (&self.rig, &self.settings, &mut self.dropped);
+        let is_court_known = rig.court_from_left().is_some();
+        let rectification = &self.rectification;
+        let points =
+            points::from_matched(matched, rectification, settings, is_court_known, dropped);
+        let now_ns = points.t_ns;
+        match self.windows.update(points, &rig.physics(), settings, dropped) {
+            Some(tracklets) => self.decider.update(tracklets, now_ns, rig, dropped),
+            None => Vec::new(),
+        }
+    }
+
+    /// What was left out so far.
+    #[must_use]
+    pub fn dropped(&self) -> Dropped {
+        self.dropped
+    }
+
+    /// Paths that were no shot so far.
+    #[must_use]
+    pub fn rejected(&self) -> Rejected {
+        self.decider.rejected()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pretend::{POOR_SIGHT, Serve, Sight};
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use shm_layout::Candidate;
+
+    /// Runs what both cameras see through the whole chain.
+    fn shots_of(
+        serves: &[Serve],
+        n_frames: usize,
+        sight: &Sight,
+        seed: u64,
+    ) -> (Vec<Shot>, Fusion) {
+        let (frames, _) = pretend::seen(serves, n_frames, sight, seed);
+        let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
+        let mut shots = Vec::new();
+        for (camera, frame) in &frames {
+            shots.extend(fusion.update(*camera, frame));
+        }
+        shots.extend(fusion.finish());
+        (shots, fusion)
+    }
+
+    #[test]
+    fn twenty_seeded_shots_land_within_5_cm() {
+        // 0.3 px and half the pairs: 1.5-2 cm along, 3 mm across; 5 cm is three sigma.
+        for seed in 0..20 {
+            let serve = Serve::random(&mut ChaCha8Rng::seed_from_u64(seed), 200_000_000);
+            let truth = pretend::flown(&serve, &[]).bounce;
+            let (shots, fusion) = shots_of(&[serve], 180, &POOR_SIGHT, seed);
+            assert_eq!(shots.len(), 1, "seed {seed}: {:?}", fusion.rejected());
+            assert_eq!(shots[0].outcome, Outcome::Measured, "seed {seed}");
+            let bounce = shots[0].bounce.as_ref().unwrap();
+            let launch = shots[0].launch.as_ref().unwrap();
+            let direction = launch.direction.unwrap();
+            let off = bounce.position_m - truth.position_m;
+            let [[xx, _], [_, yy]] = bounce.covariance_m2;
+            let in_off = bounce.velocity_in_m_s.norm() - truth.velocity_in_m_s.norm();
+            let launch_off = launch.velocity_m_s.norm() - serve.speed_m_s;
+            let elevation_off = (direction.elevation_rad - serve.elevation_rad).to_degrees();
+            println!(
+                "seed {seed:2}: bounce {:+.3} {:+.3} m (sigma {:.3} {:.3}), speed in {in_off:+.2} \
+                 m/s, launch {launch_off:+.2} m/s (sigma {:.2}) {elevation_off:+.2} deg",
+                off.x,
+                off.y,
+                xx.sqrt(),
+                yy.sqrt(),
+                launch.speed_sigma_m_s,
+            );
+            assert!(off.norm() < 0.05, "seed {seed}: {off}");
+            assert!(in_off.abs() < 0.5, "seed {seed}");
+            assert!(launch_off.abs() < 5.0 * launch.speed_sigma_m_s, "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn cameras_half_a_frame_apart_measure_nearly_as_well() {
+        let sight = Sight { right_offset_ns: 5_500_000, ..POOR_SIGHT };
+        for seed in 0..10 {
+            let serve = Serve::random(&mut ChaCha8Rng::seed_from_u64(seed), 200_000_000);
+            let truth = pretend::flown(&serve, &[]).bounce;
+            let (shots, _) = shots_of(&[serve], 180, &sight, seed);
+            let off = shots[0].bounce.as_ref().unwrap().position_m - truth.position_m;
+            println!("seed {seed}: bounce {:+.3} {:+.3} m", off.x, off.y);
+            assert!(off.norm() < 0.07, "seed {seed}: {off}");
+        }
+    }
+
+    #[test]
+    fn sweep() {
+        for (name, sight) in [
+            ("poor", POOR_SIGHT),
+            ("half a frame apart", Sight { right_offset_ns: 5_500_000, ..POOR_SIGHT }),
+            ("clutter", Sight { n_false: 20, ..POOR_SIGHT }),
+            ("good", Sight { sigma_px: 0.1, missed: 0.05, n_false: 1, right_offset_ns: 0 }),
+            ("half missed", Sight { missed: 0.5, ..POOR_SIGHT }),
+            ("1px", Sight { sigma_px: 1.0, ..POOR_SIGHT }),
+        ] {
+            let mut outcomes = std::collections::BTreeMap::new();
+            let mut e: Vec<f64> = vec![];
+            let mut nees = 0.0;
+            let mut ev: Vec<f64> = vec![];
+            let mut lv = vec![];
+            let mut nv = 0.0;
+            let started = std::time::Instant::now();
+            for seed in 0..200 {
+                let serve = Serve::random(&mut ChaCha8Rng::seed_from_u64(seed), 200_000_000);
+                let truth = pretend::flown(&serve, &[]).bounce;
+                let (shots, fusion) = shots_of(&[serve], 180, &sight, seed);
+                let key = format!("{:?}", shots.iter().map(|s| s.outcome).collect::<Vec<_>>());
+                if shots.is_empty() {
+                    println!("of {seed} {:?}", fusion.rejected());
+                }
+                *outcomes.entry(key).or_insert(0) += 1;
+                for s in &shots {
+                    if let Some(b) = &s.bounce {
+                        let d = b.position_m - truth.position_m;
+                        e.push(d.norm());
+                        let c = nalgebra::Matrix2::from(b.covariance_m2);
+                        nees += (d.xy().transpose() * c.try_inverse().unwrap() * d.xy()).x / 2.0;
+                        ev.push(b.velocity_in_m_s.norm() - truth.velocity_in_m_s.norm());
+                        let l = s.launch.as_ref().unwrap();
+                        lv.push(l.velocity_m_s.norm() - serve.speed_m_s);
+                        nv +=
+                            ((l.velocity_m_s.norm() - serve.speed_m_s) / l.speed_sigma_m_s).powi(2);
+                    }
+                }
+            }
+            e.sort_by(f64::total_cmp);
+            let n = e.len();
+            let rms = |v: &[f64]| (v.iter().map(|x| x * x).sum::<f64>() / n as f64).sqrt();
+            println!(
+                "of {name}: {outcomes:?} rms {:.4} p50 {:.4} p95 {:.4} max {:.3} nees {:.2}; in {:.3}; launch {:.3} nees {:.2} {:?}",
+                rms(&e),
+                e[n / 2],
+                e[n * 95 / 100],
+                e[n - 1],
+                nees / n as f64,
+                rms(&ev),
+                rms(&lv),
+                nv / n as f64,
+                started.elapsed()
+            );
+        }
+    }
+
+    #[test]
+    fn three_shots_three_seconds_apart_are_three() {
+        for seed in 100..110 {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let at = |i: i64| 500_000_000 + i * 3_000_000_000;
+            let serves: Vec<Serve> = (0..3).map(|i| Serve::random(&mut rng, at(i))).collect();
+            let (shots, fusion) = shots_of(&serves, 10 * 90, &POOR_SIGHT, seed);
+            let outcomes: Vec<Outcome> = shots.iter().map(|shot| shot.outcome).collect();
+            println!("seed {seed}: {outcomes:?} {:?}", fusion.rejected());
+            assert_eq!(outcomes, [Outcome::Measured; 3]);
+        }
+    }
+
+    #[test]
+    fn noise_alone_is_no_shot() {
+        for n_false in [2, 5, 20] {
+            let sight = Sight { n_false, ..POOR_SIGHT };
+            let (shots, fusion) = shots_of(&[], 20 * 90, &sight, 7);
+            println!("{n_false} false spots: {:?} {:?}", fusion.rejected(), fusion.dropped());
+            assert!(shots.is_empty());
+        }
+    }
+
+    #[test]
+    fn a_shot_is_told_when_it_is_decided_and_not_at_the_end() {
+        let serve = Serve { launch_ns: 200_000_000, ..pretend::THESIS_SERVE };
+        let (frames, truths) = pretend::seen(&[serve], 400, &POOR_SIGHT, 3);
+        let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
+        let told = frames.iter().find(|(camera, frame)| !fusion.update(*camera, frame).is_empty());
+        let late_s = motion::seconds_between(truths[0].bounce.t_ns, told.unwrap().1.exposed_ns);
+        assert!(late_s < 0.8, "{late_s} s after the bounce");
+    }
+
+    #[test]
+    fn a_rig_without_a_court_measures_speed_and_says_so() {
+        let serve = Serve { launch_ns: 200_000_000, ..pretend::THESIS_SERVE };
+        let (frames, _) = pretend::seen(&[serve], 180, &POOR_SIGHT, 3);
+        let mut fusion = Fusion::new(pretend::courtless_rig(), Settings::default());
+        let mut shots: Vec<Shot> =
+            frames.iter().flat_map(|(camera, frame)| fusion.update(*camera, frame)).collect();
+        shots.extend(fusion.finish());
+        assert_eq!(shots[0].outcome, Outcome::NoCourt);
+        let launch = shots[0].launch.as_ref().unwrap();
+        assert!((20.0..27.8).contains(&launch.velocity_m_s.norm()), "{launch:?}");
+        assert_eq!((launch.direction, &shots[0].bounce), (None, &None));
+    }
+
+    #[test]
+    fn one_stamp_from_the_future_does_not_blind_a_camera() {
+        let serve = Serve { launch_ns: 700_000_000, ..pretend::THESIS_SERVE };
+        let (mut frames, _) = pretend::seen(&[serve], 220, &POOR_SIGHT, 3);
+        frames[4].1.exposed_ns = i64::MAX;
+        frames[9].1.exposed_ns = i64::MAX - 1;
+        let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
+        let mut shots: Vec<Shot> =
+            frames.iter().flat_map(|(camera, frame)| fusion.update(*camera, frame)).collect();
+        shots.extend(fusion.finish());
+        assert_eq!(shots.iter().map(|s| s.outcome).collect::<Vec<_>>(), [Outcome::Measured]);
+    }
+
+    #[test]
+    fn what_cannot_be_is_dropped_and_never_a_panic() {
+        let serve = Serve { launch_ns: 200_000_000, ..pretend::THESIS_SERVE };
+        let (mut frames, _) = pretend::seen(&[serve], 180, &POOR_SIGHT, 3);
+        for (i, (_, frame)) in frames.iter_mut().enumerate() {
+            match i % 5 {
+                0 => frame.spots.push(Candidate { x_px: f32::NAN, ..Candidate::default() }),
+                1 => frame.spots.push(Candidate { x_px: -1e30, ..Candidate::default() }),
+                2 if i % 50 == 2 => frame.exposed_ns = i64::MIN,
+                _ => {}
+            }
+        }
+        let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
+        let mut shots: Vec<Shot> =
+            frames.iter().flat_map(|(camera, frame)| fusion.update(*camera, frame)).collect();
+        shots.extend(fusion.finish());
+        assert_eq!(shots.len(), 1);
+        let dropped = fusion.dropped();
+        assert!(dropped.n_not_finite == 72 && dropped.n_outside_image == 72, "{dropped:?}");
+        assert!(dropped.n_backward_frames > 0);
+    }
+}

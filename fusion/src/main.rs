@@ -1,0 +1,297 @@
+//! `fusion`: candidates of both boards in, shots out.
+
+use anyhow::{Context as _, bail, ensure};
+use clap::Parser;
+use fusion::candidates_csv::CsvWriter;
+use fusion::intake::{FrameCounts, Intake};
+use fusion::{FrameCandidates, Fusion, Rig, Settings, Shot, candidates_csv, message, shots_json};
+use shm_layout::ports::MessageWriter;
+use shm_layout::services::{Domain, Place};
+use shm_layout::stop::Stop;
+use shm_layout::{Camera, FrameInfo};
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// A recording that brings nothing new for this long is not coming.
+const NEWS_WITHIN: Duration = Duration::from_secs(30);
+/// Strips that are not here this long after the last frame was announced are lost.
+const STRAGGLERS_WITHIN: Duration = Duration::from_secs(2);
+/// Most shots kept for the document at the end; a day of one every three seconds.
+const MAX_SHOTS: usize = 28_800;
+
+/// Measures shots from the candidates of two cameras.
+///
+/// Live, each shot is a line of JSON on stdout and a message of the service `shots`. With
+/// --recorded, ends when the recordings are over; then --json FILE holds all of them.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Flags {
+    /// Name of the court: 1 to 32 of a-z, 0-9 and '-'.
+    #[arg(long)]
+    court: String,
+    /// The calibrated rig; without it candidates can be written, but nothing is measured.
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+    /// End when this camera's recording is over; may be given for both.
+    #[arg(long, value_name = "CAMERA", conflicts_with_all = ["left_csv", "right_csv"])]
+    recorded: Vec<Camera>,
+    /// Candidates from this file instead of from a board.
+    #[arg(long, value_name = "FILE")]
+    left_csv: Option<PathBuf>,
+    /// Candidates from this file instead of from a board.
+    #[arg(long, value_name = "FILE")]
+    right_csv: Option<PathBuf>,
+    /// Where all shots go in the end, as "shots/1"; - is stdout.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Where every frame's candidates go, as left.csv and right.csv.
+    #[arg(long, value_name = "DIR")]
+    candidates: Option<PathBuf>,
+    /// End when the process that started this one has ended.
+    #[arg(long)]
+    with_parent: bool,
+}
+
+fn main() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .init();
+    let flags = Flags::parse();
+    match run(&flags) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("fusion: {e:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(flags: &Flags) -> anyhow::Result<()> {
+    let rig = flags.rig.as_deref().map(rig_from_file).transpose()?;
+    ensure!(
+        rig.is_some() || flags.json.is_none(),
+        "--json needs --rig: without it no shot is measured"
+    );
+    let outputs = Outputs::open(flags)?;
+    let table = Table {
+        rig: rig.clone(),
+        fusion: rig.map(|rig| Fusion::new(rig, Settings::default())),
+        outputs,
+    };
+    if flags.left_csv.is_some() || flags.right_csv.is_some() {
+        from_files(flags, table)
+    } else {
+        from_boards(flags, table)
+    }
+}
+
+/// Where frames are laid on, wherever they come from.
+struct Table {
+    rig: Option<Rig>,
+    fusion: Option<Fusion>,
+    outputs: Outputs,
+}
+
+impl Table {
+    fn take(&mut self, camera: Camera, frames: &[FrameCandidates]) -> anyhow::Result<()> {
+        for frame in frames {
+            self.outputs.write_candidates(camera, frame)?;
+            if let Some(fusion) = &mut self.fusion {
+                let shots = fusion.update(camera, frame);
+                self.outputs.write_shots(shots)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(mut self, frames: [Option<FrameCounts>; 2]) -> anyhow::Result<()> {
+        if let Some(fusion) = &mut self.fusion {
+            let shots = fusion.finish();
+            self.outputs.write_shots(shots)?;
+            tracing::info!(dropped = ?fusion.dropped(), rejected = ?fusion.rejected(), "fusion ends");
+            if frames.iter().flatten().count() < 2 {
+                eprintln!(
+                    "fusion: one camera: no shot can be measured, only candidates are written"
+                );
+            }
+        }
+        self.outputs.finish(frames)
+    }
+
+    fn check_size(&self, camera: Camera, info: &FrameInfo) -> anyhow::Result<()> {
+        let Some(rig) = &self.rig else { return Ok(()) };
+        let expected = rig.eye(camera).lens.image_px();
+        let got = [info.width_px, info.height_px];
+        ensure!(
+            got == expected,
+            "{camera} images are {}x{}, rig.toml says {}x{}",
+            got[0],
+            got[1],
+            expected[0],
+            expected[1]
+        );
+        Ok(())
+    }
+}
+
+fn from_files(flags: &Flags, mut table: Table) -> anyhow::Result<()> {
+    let mut all = Vec::new();
+    let mut counts = [None; 2];
+    for (camera, path) in Camera::BOTH.into_iter().zip([&flags.left_csv, &flags.right_csv]) {
+        let Some(path) = path else { continue };
+        let label = path.display().to_string();
+        let file = File::open(path).with_context(|| label.clone())?;
+        let frames = candidates_csv::frames_from(file, &label)?;
+        let n = frames.len() as u64;
+        counts[camera.idx()] = Some(FrameCounts { captured: n, processed: n, lost: 0 });
+        all.extend(frames.into_iter().map(|frame| (camera, frame)));
+    }
+    // In the order of their time, as two boards would send them.
+    all.sort_by_key(|(camera, frame)| (frame.exposed_ns, *camera));
+    for (camera, frame) in all {
+        table.take(camera, &[frame])?;
+    }
+    table.finish(counts)
+}
+
+fn from_boards(flags: &Flags, mut table: Table) -> anyhow::Result<()> {
+    let stop = Stop::on_signals(flags.with_parent).context("cannot listen to signals")?;
+    let member = Domain::new(&flags.court, Place::Fusion)?.join("fusion")?;
+    table.outputs.shots_out = Some(member.shots()?.writer()?);
+    let (candidates, frames_info) = (member.candidates()?, member.frames_info()?);
+    let (strips, alarm) = (candidates.reader()?, candidates.alarm()?);
+    let infos = frames_info.reader()?;
+
+    let mut intakes = [Intake::default(), Intake::default()];
+    let mut news_at = Instant::now();
+    while !stop.is_raised() {
+        while let Some(info) = infos.receive()? {
+            let Some(camera) = Camera::from_idx(info.camera_idx) else { continue };
+            table.check_size(camera, &info)?;
+            intakes[camera.idx()].update_info(&info);
+            news_at = Instant::now();
+        }
+        while let Some(strip) = strips.receive()? {
+            let Some(camera) = Camera::from_idx(strip.camera_idx) else { continue };
+            let frames = intakes[camera.idx()].update(&strip);
+            table.take(camera, &frames)?;
+            news_at = Instant::now();
+        }
+        if !flags.recorded.is_empty() && is_over(&intakes, &flags.recorded, news_at.elapsed())? {
+            break;
+        }
+        alarm.wait()?;
+    }
+    let mut counts = [None; 2];
+    for camera in Camera::BOTH {
+        let intake = &mut intakes[camera.idx()];
+        let frames = intake.finish();
+        table.take(camera, &frames)?;
+        let is_there = intake.counts() != FrameCounts::default();
+        counts[camera.idx()] = is_there.then(|| intake.counts());
+    }
+    table.finish(counts)
+}
+
+/// True when all frames of all recordings are here, or what is missing will not come.
+fn is_over(intakes: &[Intake; 2], recorded: &[Camera], silence: Duration) -> anyhow::Result<bool> {
+    let of = |camera: &Camera| &intakes[camera.idx()];
+    if recorded.iter().all(|camera| of(camera).is_whole()) {
+        return Ok(true);
+    }
+    if recorded.iter().all(|camera| of(camera).has_last()) {
+        return Ok(silence > STRAGGLERS_WITHIN);
+    }
+    if silence > NEWS_WITHIN {
+        let counts = recorded.iter().map(|camera| format!("{camera} {:?}", of(camera).counts()));
+        let counts: Vec<String> = counts.collect();
+        bail!("no news of the recording for {} s: {}", silence.as_secs(), counts.join(", "));
+    }
+    Ok(false)
+}
+
+fn rig_from_file(path: &Path) -> anyhow::Result<Rig> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    text.parse::<Rig>().with_context(|| path.display().to_string())
+}
+
+/// Where shots and candidates go.
+struct Outputs {
+    json: Option<PathBuf>,
+    is_live: bool,
+    shots: Vec<Shot>,
+    n_shots: u64,
+    shots_out: Option<MessageWriter<shm_layout::Shot>>,
+    candidates: [Option<CsvWriter<BufWriter<File>>>; 2],
+}
+
+impl Outputs {
+    fn open(flags: &Flags) -> anyhow::Result<Self> {
+        let mut candidates = [None, None];
+        if let Some(directory) = &flags.candidates {
+            let inputs = [flags.left_csv.is_some(), flags.right_csv.is_some()];
+            for camera in Camera::BOTH {
+                let is_input = inputs[camera.idx()] || flags.recorded.contains(&camera);
+                let is_live = flags.recorded.is_empty() && inputs == [false, false];
+                if is_input || is_live {
+                    let path = directory.join(format!("{camera}.csv"));
+                    let label = path.display().to_string();
+                    let file = File::create(&path).with_context(|| label.clone())?;
+                    candidates[camera.idx()] = Some(CsvWriter::new(BufWriter::new(file), label)?);
+                }
+            }
+        }
+        Ok(Self {
+            json: flags.json.clone(),
+            is_live: flags.json.is_none() && flags.candidates.is_none(),
+            shots: Vec::new(),
+            n_shots: 0,
+            shots_out: None,
+            candidates,
+        })
+    }
+
+    fn write_candidates(&mut self, camera: Camera, frame: &FrameCandidates) -> anyhow::Result<()> {
+        if let Some(writer) = &mut self.candidates[camera.idx()] {
+            writer.write(frame)?;
+        }
+        Ok(())
+    }
+
+    fn write_shots(&mut self, shots: Vec<Shot>) -> anyhow::Result<()> {
+        for shot in shots {
+            if let Some(writer) = &self.shots_out {
+                writer.send(message::from_shot(&shot, self.n_shots))?;
+            }
+            self.n_shots += 1;
+            if self.is_live {
+                println!("{}", shots_json::text_from_shot(&shot));
+            }
+            if self.json.is_some() {
+                ensure!(
+                    self.shots.len() < MAX_SHOTS,
+                    "more than {MAX_SHOTS} shots in one document"
+                );
+                self.shots.push(shot);
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self, frames: [Option<FrameCounts>; 2]) -> anyhow::Result<()> {
+        for writer in self.candidates.into_iter().flatten() {
+            writer.finish()?;
+        }
+        let Some(path) = &self.json else { return Ok(()) };
+        let text = shots_json::text_from(&self.shots, frames);
+        if path.as_os_str() == "-" {
+            writeln!(std::io::stdout(), "{text}").context("stdout")
+        } else {
+            std::fs::write(path, text + "\n").with_context(|| path.display().to_string())
+        }
+    }
+}

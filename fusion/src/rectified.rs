@@ -1,0 +1,127 @@
+//! Candidates of one frame -> rectified pixels, each with its own time and sigma.
+//!
+//! Only the points are undistorted and rectified, never an image (thesis 7.1). Under a rolling
+//! shutter each row has its own time, `exposed + y · row_time`.
+//!
+//! Candidates that are not finite, lie outside the image, or where the lens model has no inverse
+//! are dropped and counted.
+
+use crate::candidates::FrameCandidates;
+use crate::world::camera::{RawPixel, RectifiedPixel};
+use crate::world::rectification::Rectification;
+use crate::world::rig::Rig;
+use crate::{Dropped, Settings};
+use shm_layout::{Camera, Candidate, StampNs};
+
+/// Part of a ball's diameter its centroid may be off by: one side is lit, the other in shadow.
+const SHADING_PER_DIAMETER: f64 = 0.05;
+
+/// A spot where it was captured, and when.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    /// Mid-exposure of the spot's row.
+    pub t_ns: StampNs,
+    /// The spot's centre, raw.
+    pub raw: RawPixel,
+}
+
+/// A candidate, rectified.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rectified {
+    /// Where and when it was captured.
+    pub sighting: Sighting,
+    /// Its place in the rectified image.
+    pub pixel: RectifiedPixel,
+    /// 1 sigma of the place, each axis.
+    pub sigma_px: f64,
+    /// Width, height and area, if the detector gave them.
+    pub size: Option<[f64; 3]>,
+}
+
+/// One frame's candidates, rectified.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RectifiedFrame {
+    /// Mid-exposure of the first row.
+    pub t_ns: StampNs,
+    /// The candidates.
+    pub spots: Vec<Rectified>,
+}
+
+/// Rectifies a frame; counts what it leaves out in `dropped`.
+pub fn from_candidates(
+    camera: Camera,
+    frame: &FrameCandidates,
+    rig: &Rig,
+    rectification: &Rectification,
+    settings: &Settings,
+    dropped: &mut Dropped,
+) -> RectifiedFrame {
+    let eye = rig.eye(camera);
+    let mut spots = Vec::with_capacity(frame.spots.len());
+    for spot in &frame.spots {
+        let raw = RawPixel { x_px: f64::from(spot.x_px), y_px: f64::from(spot.y_px) };
+        if !(raw.x_px.is_finite() && raw.y_px.is_finite()) {
+            dropped.n_not_finite += 1;
+            continue;
+        }
+        let rectified = rectification.rectified_from_raw(camera, raw);
+        let Some(pixel) = rectified.filter(|_| eye.lens.contains(raw)) else {
+            dropped.n_outside_image += 1;
+            continue;
+        };
+        let size = size_of(spot);
+        let row_ns = (raw.y_px * eye.row_time_us * 1e3).round() as StampNs;
+        let diameter_px = size.map_or(0.0, |[width, height, _]| f64::midpoint(width, height));
+        spots.push(Rectified {
+            sighting: Sighting { t_ns: frame.exposed_ns.saturating_add(row_ns), raw },
+            pixel,
+            sigma_px: settings.sigma_px.hypot(SHADING_PER_DIAMETER * diameter_px),
+            size,
+        });
+    }
+    RectifiedFrame { t_ns: frame.exposed_ns, spots }
+}
+
+/// A size counts if all of it is known and none of it is nothing.
+fn size_of(spot: &Candidate) -> Option<[f64; 3]> {
+    let size = [spot.width_px, spot.height_px, spot.area_px].map(f64::from);
+    size.iter().all(|&length| length.is_finite() && length > 0.0).then_some(size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pretend;
+
+    #[test]
+    fn what_cannot_be_is_dropped_and_counted() {
+        let rig = pretend::reference_rig();
+        let rectification = Rectification::from_rig(&rig);
+        let places =
+            [(320.0, 240.0), (f32::NAN, 1.0), (1.0, f32::INFINITY), (640.9, 0.0), (-5.0, 0.0)];
+        let spots = places.map(|(x_px, y_px)| Candidate { x_px, y_px, ..Candidate::default() });
+        let frame = pretend::frame(0, 0, spots.to_vec());
+        let mut dropped = Dropped::default();
+        let settings = Settings::default();
+        let rectified =
+            from_candidates(Camera::Left, &frame, &rig, &rectification, &settings, &mut dropped);
+        assert_eq!(rectified.spots.len(), 2);
+        assert_eq!((dropped.n_not_finite, dropped.n_outside_image), (2, 1));
+        assert_eq!(rectified.spots[0].size, None);
+    }
+
+    #[test]
+    fn a_lower_row_is_later_under_a_rolling_shutter() {
+        let text =
+            pretend::REFERENCE_RIG.replace("row_time_us         = 0.0", "row_time_us = 9.45");
+        let rig: Rig = text.parse().unwrap();
+        let rectification = Rectification::from_rig(&rig);
+        let spot = Candidate { x_px: 320.0, y_px: 400.0, ..Candidate::default() };
+        let frame = pretend::frame(0, 1000, vec![spot]);
+        let settings = Settings::default();
+        let mut dropped = Dropped::default();
+        let rectified =
+            from_candidates(Camera::Left, &frame, &rig, &rectification, &settings, &mut dropped);
+        assert_eq!(rectified.spots[0].sighting.t_ns, 1000 + 3_780_000);
+    }
+}

@@ -1,0 +1,323 @@
+//! The one table of services, and the only place where one is opened.
+//!
+//! A *domain* is one place of one court: a board (`left`, `right`) or the computer beside the
+//! machine (`fusion`). Every file of a domain in shared memory begins with its name, so courts,
+//! boards and tests that run at the same time never meet.
+
+use crate::ports::{FrameService, MessageService};
+use crate::{Camera, FrameInfo, MAX_SIDE_PX, MAX_STRIPS, Shot, StripCandidates};
+use iceoryx2::prelude::{
+    CallbackProgression, Config, FileName, LogLevel, Node, NodeBuilder, NodeName, NodeState, Path,
+    SemanticString, ServiceName, SignalHandlingMode, ipc, set_log_level,
+};
+use std::fmt;
+
+/// One line of the table.
+#[derive(Debug, Clone, Copy)]
+pub struct Row {
+    /// Name within a domain. Beside fusion both cameras' messages share a service.
+    pub name: &'static str,
+    /// Type of a message.
+    pub message: &'static str,
+    /// Bytes of a message (of the header, where pixels follow).
+    pub bytes: usize,
+    /// Messages per second at 90 frames/s, for planning.
+    pub rate_hz: usize,
+    /// Most processes that write.
+    pub writers: usize,
+    /// Most processes that read.
+    pub readers: usize,
+    /// Messages kept for a reader that is behind. In every service the oldest is overwritten then:
+    /// a writer never waits, and the reader sees the gap in the numbers.
+    pub depth: usize,
+    /// Messages a reader may hold at once.
+    pub held: usize,
+}
+
+/// Pixels: depth 4 is 44 ms at 90 frames/s; a worker further behind than that is better off with
+/// the newest frames. Readers: the workers, a preview and a recorder.
+pub const FRAMES: Row = Row {
+    name: "frames",
+    message: "[u8] with FrameInfo",
+    bytes: size_of::<FrameInfo>(),
+    rate_hz: 90,
+    writers: 1,
+    readers: MAX_STRIPS as usize + 2,
+    depth: 4,
+    held: 1,
+};
+
+/// Every captured frame without its pixels, so that a lost one is known to be lost.
+pub const FRAMES_INFO: Row = Row {
+    name: "frames-info",
+    message: "FrameInfo",
+    bytes: size_of::<FrameInfo>(),
+    rate_hz: 90,
+    writers: 1,
+    readers: 4,
+    depth: 1024,
+    held: 1,
+};
+
+/// What workers found. Depth: 1.4 s with eight workers. Readers: bridge or fusion, capture (which
+/// paces a recording by it), a listener that measures.
+pub const CANDIDATES: Row = Row {
+    name: "candidates",
+    message: "StripCandidates",
+    bytes: size_of::<StripCandidates>(),
+    rate_hz: 90 * MAX_STRIPS as usize,
+    writers: MAX_STRIPS as usize,
+    readers: 4,
+    depth: 1024,
+    held: 1,
+};
+
+/// What fusion measured, for the controller, the page and the recorder.
+pub const SHOTS: Row = Row {
+    name: "shots",
+    message: "Shot",
+    bytes: size_of::<Shot>(),
+    rate_hz: 1,
+    writers: 1,
+    readers: 8,
+    depth: 64,
+    held: 1,
+};
+
+/// All services. `frames` is on boards only, `shots` beside fusion only.
+pub const TABLE: [Row; 4] = [FRAMES, FRAMES_INFO, CANDIDATES, SHOTS];
+
+/// Most processes in one domain.
+pub(crate) const MAX_NODES: usize = 24;
+
+/// Why a domain, service or port could not be had.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The court's name would not fit a file name.
+    #[error("court name {0:?}: expected 1 to 32 of a-z, 0-9 and '-'")]
+    CourtName(String),
+    /// iceoryx2 refused; `what` says which step, `why` its words.
+    #[error("shared memory: cannot {what}: {why}")]
+    SharedMemory {
+        /// The step that failed.
+        what: String,
+        /// The reason as iceoryx2 gives it.
+        why: String,
+    },
+    /// /dev/shm could not be looked at.
+    #[error("/dev/shm: {0}")]
+    NoShm(std::io::Error),
+    /// /dev/shm is too small; a writer would die of SIGBUS in the middle of a frame.
+    #[error(
+        "/dev/shm has {free_mib} MiB free, {need_mib} MiB are needed for {width_px}x{height_px} \
+         frames: enlarge it (mount -o remount,size=… /dev/shm; docker run --shm-size=…)"
+    )]
+    ShmTooSmall {
+        /// Free now.
+        free_mib: u64,
+        /// Needed for the frames.
+        need_mib: u64,
+        /// Of a frame.
+        width_px: u32,
+        /// Of a frame.
+        height_px: u32,
+    },
+}
+
+/// The one file iceoryx2 keeps when the last process of a domain has left.
+const LIST_OF_PROCESSES: &str = ".global_mgmt";
+
+pub(crate) fn refused(what: impl fmt::Display) -> impl FnOnce(&dyn fmt::Debug) -> Error {
+    move |why| Error::SharedMemory { what: what.to_string(), why: format!("{why:?}") }
+}
+
+/// Where in a court a domain is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// The board of one camera.
+    Board(Camera),
+    /// The computer beside the machine's controller.
+    Fusion,
+}
+
+impl Place {
+    /// `left`, `right` or `fusion`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Board(camera) => camera.name(),
+            Self::Fusion => "fusion",
+        }
+    }
+}
+
+/// One place of one court: the part of shared memory whose processes meet.
+#[derive(Debug, Clone)]
+pub struct Domain {
+    prefix: String,
+    config: Config,
+}
+
+impl Domain {
+    /// The domain of a place of a court.
+    ///
+    /// # Errors
+    /// When `court` is not 1 to 32 of `a-z`, `0-9`, `-`.
+    pub fn new(court: &str, place: Place) -> Result<Self, Error> {
+        let is_fit = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+        if court.is_empty() || court.len() > 32 || !court.chars().all(is_fit) {
+            return Err(Error::CourtName(court.to_owned()));
+        }
+        let prefix = format!("tennis_{court}_{}_", place.name());
+        set_log_level(LogLevel::Error); // iceoryx2 warns of every default it uses
+        // A root of one's own: with the default one the second user of a machine is locked out.
+        let root = root_of_user();
+        let mut config = Config::global_config().clone();
+        config.global.prefix = FileName::new(prefix.as_bytes())
+            .map_err(|e| refused(format!("use {prefix:?} as a file name"))(&e))?;
+        let path = Path::new(root.as_bytes()).map_err(|e| refused("use the root path")(&e))?;
+        config.global.set_root_path(&path);
+        Ok(Self { prefix, config })
+    }
+
+    /// Joins the domain as a process called `name`; what killed processes left is removed first.
+    ///
+    /// # Errors
+    /// When shared memory cannot be had.
+    pub fn join(&self, name: &str) -> Result<Member, Error> {
+        let node_name =
+            NodeName::new(name).map_err(|e| refused(format!("use the name {name:?}"))(&e))?;
+        let node = NodeBuilder::new()
+            .name(&node_name)
+            .config(&self.config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create()
+            .map_err(|e| refused(format!("join {}", self.prefix))(&e))?;
+        Ok(Member { node })
+    }
+
+    /// Removes what killed processes left in this domain and says how many there were.
+    ///
+    /// # Errors
+    /// When the processes of the domain cannot be listed.
+    pub fn remove_stale(&self) -> Result<usize, Error> {
+        let mut n_dead = 0;
+        Node::<ipc::Service>::list(&self.config, |state| {
+            if let NodeState::Dead(dead) = state {
+                n_dead += 1;
+                // Another process may be cleaning up at this moment: then there is nothing to do.
+                let _ = dead.try_remove_stale_resources();
+            }
+            CallbackProgression::Continue
+        })
+        .map_err(|e| refused(format!("list the processes of {}", self.prefix))(&e))?;
+        Ok(n_dead)
+    }
+
+    /// Ends a domain that no process is in any more: removes what killed ones left and the list of
+    /// processes itself. Returns the names of files that nobody accounts for, a leak; they are
+    /// removed too.
+    ///
+    /// # Errors
+    /// When /dev/shm cannot be read or written.
+    pub fn close(&self) -> Result<Vec<String>, Error> {
+        self.remove_stale()?;
+        let mut leaked = Vec::new();
+        for name in names_in_shm()?.into_iter().filter(|name| name.starts_with(&self.prefix)) {
+            match std::fs::remove_file(format!("/dev/shm/{name}")) {
+                Ok(()) => {}
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound => continue,
+                Err(e) => return Err(Error::NoShm(e)),
+            }
+            if !name.ends_with(LIST_OF_PROCESSES) {
+                leaked.push(name);
+            }
+        }
+        leaked.sort();
+        Ok(leaked)
+    }
+}
+
+/// A process in a domain; what it opened is given back when this is dropped.
+#[derive(Debug)]
+pub struct Member {
+    node: Node<ipc::Service>,
+}
+
+impl Member {
+    /// The pixels of this board's camera.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn frames(&self) -> Result<FrameService, Error> {
+        FrameService::open(&self.node, &name_of(FRAMES)?, FRAMES)
+    }
+
+    /// What is known of every frame.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn frames_info(&self) -> Result<MessageService<FrameInfo>, Error> {
+        MessageService::open(&self.node, &name_of(FRAMES_INFO)?, FRAMES_INFO)
+    }
+
+    /// What the workers found.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn candidates(&self) -> Result<MessageService<StripCandidates>, Error> {
+        MessageService::open(&self.node, &name_of(CANDIDATES)?, CANDIDATES)
+    }
+
+    /// The measured shots.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn shots(&self) -> Result<MessageService<Shot>, Error> {
+        MessageService::open(&self.node, &name_of(SHOTS)?, SHOTS)
+    }
+}
+
+/// Refuses to start on a /dev/shm that could run full: memory there is handed out when it is
+/// touched, so creation succeeds and the writer dies of SIGBUS later.
+///
+/// # Errors
+/// [`Error::ShmTooSmall`], with the figures.
+pub fn check_shm_holds_frames(width_px: u32, height_px: u32) -> Result<(), Error> {
+    assert!(width_px <= MAX_SIDE_PX && height_px <= MAX_SIDE_PX, "checked where frames come in");
+    let stat = rustix::fs::statvfs("/dev/shm").map_err(|e| Error::NoShm(e.into()))?;
+    let free_mib = stat.f_bavail.saturating_mul(stat.f_frsize) >> 20;
+    let n_frames = (FRAMES.readers * (FRAMES.depth + FRAMES.held) + 2) as u64;
+    let need_mib = (n_frames * u64::from(width_px) * u64::from(height_px)).div_ceil(1 << 20);
+    if free_mib < need_mib {
+        return Err(Error::ShmTooSmall { free_mib, need_mib, width_px, height_px });
+    }
+    Ok(())
+}
+
+/// Courts that have files in /dev/shm, in no order.
+///
+/// # Errors
+/// When /dev/shm cannot be read.
+pub fn courts_in_shm() -> Result<Vec<String>, Error> {
+    let names = names_in_shm()?;
+    let courts = names.iter().filter_map(|name| name.strip_prefix("tennis_")?.split('_').next());
+    let mut courts: Vec<String> = courts.map(str::to_owned).collect();
+    courts.dedup();
+    Ok(courts)
+}
+
+fn names_in_shm() -> Result<Vec<String>, Error> {
+    let entries = std::fs::read_dir("/dev/shm").map_err(Error::NoShm)?;
+    entries
+        .map(|entry| Ok(entry.map_err(Error::NoShm)?.file_name().to_string_lossy().into_owned()))
+        .collect()
+}
+
+fn root_of_user() -> String {
+    format!("/tmp/tennis-{}/", rustix::process::getuid().as_raw())
+}
+
+fn name_of(row: Row) -> Result<ServiceName, Error> {
+    ServiceName::new(row.name).map_err(|e| refused(format!("name a service {:?}", row.name))(&e))
+}

@@ -1,0 +1,41 @@
+//! How a process of this house ends: SIGTERM and Ctrl-C raise a flag that its loop looks at, so
+//! that its shared memory is given back before it goes. Nobody is killed by a signal handler.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Longest a loop may wait before it looks at its [`Stop`] again.
+pub const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// Raised once the process was asked to end.
+#[derive(Debug, Clone)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Listens to SIGTERM and SIGINT. With `with_parent` the process is also asked to end when the
+    /// one that started it is gone, so that a killed launcher leaves nobody behind.
+    ///
+    /// # Errors
+    /// When the system refuses the handlers, or the parent is gone already.
+    pub fn on_signals(with_parent: bool) -> std::io::Result<Self> {
+        let raised = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
+            signal_hook::flag::register(signal, Arc::clone(&raised))?;
+        }
+        if with_parent {
+            let signal = rustix::process::Signal::TERM;
+            rustix::process::set_parent_process_death_signal(Some(signal))?;
+            if rustix::process::getppid().is_none_or(rustix::process::Pid::is_init) {
+                return Err(std::io::Error::other("the process that started this one is gone"));
+            }
+        }
+        Ok(Self(raised))
+    }
+
+    /// True once the process was asked to end.
+    #[must_use]
+    pub fn is_raised(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}

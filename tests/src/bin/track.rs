@@ -1,0 +1,157 @@
+//! `track`: a recorded shot in, a measured shot out, through the real processes.
+
+use anyhow::Context as _;
+use clap::Parser;
+use shm_layout::stop::Stop;
+use shm_layout::{Camera, MAX_STRIPS};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{ExitCode, Stdio};
+use tests::chain::Chain;
+use tests::processes::{self, Household, Until, free_endpoint};
+
+/// Exit code after Ctrl-C: what was asked for was not done, and no one is to blame.
+const INTERRUPTED: u8 = 130;
+
+/// Measures the shots of a folder (left.y4m, left.timestamps … rig.toml) with two boards, each with
+/// capture, workers and bridge, and fusion. Or its candidates (left.csv …) with fusion alone.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Flags {
+    /// The shot folder.
+    folder: PathBuf,
+    /// Where the shots go, as "shots/1"; - is stdout.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Where every frame's candidates go, as left.csv and right.csv.
+    #[arg(long, value_name = "DIR")]
+    candidates: Option<PathBuf>,
+    /// Workers of each board.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_STRIPS)))]
+    workers: u32,
+    /// Play at the speed of the recording instead of as fast as nothing is lost.
+    #[arg(long)]
+    real_speed: bool,
+    /// Flags for every worker, such as "--learning-frames 43".
+    #[arg(long, value_name = "FLAGS", allow_hyphen_values = true, default_value = "")]
+    worker_flags: String,
+}
+
+fn main() -> ExitCode {
+    match run(&Flags::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) if matches!(e.downcast_ref(), Some(processes::Error::Stopped)) => {
+            eprintln!("track: stopped");
+            ExitCode::from(INTERRUPTED)
+        }
+        Err(e) => {
+            eprintln!("track: {e:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(flags: &Flags) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        flags.json.is_some() || flags.candidates.is_some(),
+        "nothing to write: expected --json FILE or --candidates DIR"
+    );
+    let shot = Folder::open(&flags.folder)?;
+    if let Some(directory) = &flags.candidates {
+        std::fs::create_dir_all(directory).with_context(|| directory.display().to_string())?;
+    }
+    let stop = Stop::on_signals(false).context("cannot listen to signals")?;
+    let court = processes::own_court("track")?;
+    let mut house = Household::new(&court)?;
+    let outcome = play(flags, &shot, &mut house, &stop);
+    let emptied = house.stop();
+    outcome?;
+    Ok(emptied?)
+}
+
+fn play(
+    flags: &Flags,
+    shot: &Folder,
+    house: &mut Household,
+    stop: &Stop,
+) -> Result<(), processes::Error> {
+    let mut arguments: Vec<OsString> = Vec::new();
+    if let Some(path) = &shot.rig {
+        arguments.extend(["--rig".into(), path.into()]);
+    }
+    if let Some(path) = &flags.json {
+        arguments.extend(["--json".into(), path.into()]);
+    }
+    if let Some(path) = &flags.candidates {
+        arguments.extend(["--candidates".into(), path.into()]);
+    }
+    for (camera, input) in &shot.inputs {
+        match input {
+            Input::Video(_) => arguments.extend(["--recorded".into(), camera.name().into()]),
+            Input::Candidates(path) => {
+                arguments.extend([format!("--{camera}-csv").into(), path.into()]);
+            }
+        }
+    }
+    house.start("fusion", "fusion", &arguments, Until::Done, Stdio::inherit())?;
+    if shot.inputs.iter().any(|(_, input)| matches!(input, Input::Video(_))) {
+        let chain = Chain {
+            n_workers: flags.workers,
+            worker_flags: flags.worker_flags.split_whitespace().map(Into::into).collect(),
+            endpoint: free_endpoint()?,
+        };
+        chain.start_fusion_bridge(house)?;
+        let speed = if flags.real_speed { "real" } else { "max" };
+        for (camera, input) in &shot.inputs {
+            if let Input::Video(path) = input {
+                chain.start_board(house, *camera)?;
+                chain.start_capture(house, *camera, path, speed)?;
+            }
+        }
+    }
+    house.wait_for("fusion", stop)
+}
+
+/// What a shot folder holds.
+#[derive(Debug)]
+struct Folder {
+    inputs: Vec<(Camera, Input)>,
+    rig: Option<PathBuf>,
+}
+
+#[derive(Debug)]
+enum Input {
+    Video(PathBuf),
+    Candidates(PathBuf),
+}
+
+impl Folder {
+    fn open(folder: &Path) -> anyhow::Result<Self> {
+        anyhow::ensure!(folder.is_dir(), "{}: expected a shot folder", folder.display());
+        let there = |name: String| Some(folder.join(name)).filter(|path| path.exists());
+        let mut inputs = Vec::new();
+        for camera in Camera::BOTH {
+            let video = there(format!("{camera}.y4m")).map(Input::Video);
+            let found = video.or_else(|| there(format!("{camera}.csv")).map(Input::Candidates));
+            inputs.extend(found.map(|input| (camera, input)));
+        }
+        anyhow::ensure!(
+            !inputs.is_empty(),
+            "{}: expected left.y4m, right.y4m, left.csv or right.csv",
+            folder.display()
+        );
+        let n_videos = inputs.iter().filter(|(_, input)| matches!(input, Input::Video(_))).count();
+        anyhow::ensure!(
+            n_videos == 0 || n_videos == inputs.len(),
+            "{}: expected two videos or two candidate files, got one of each",
+            folder.display()
+        );
+        let rig = there("rig.toml".to_owned());
+        anyhow::ensure!(
+            rig.is_some() || inputs.len() == 1,
+            "{}: expected rig.toml, without which two cameras cannot measure",
+            folder.display()
+        );
+        Ok(Self { inputs, rig })
+    }
+}

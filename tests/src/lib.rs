@@ -1,0 +1,54 @@
+//! A court that is not there, and what is played on it.
+//!
+//! Everything that pretends lives in this room, and it enters the system by the doors that real
+//! cameras use: frames in shared memory, files in a shot folder. Read in this order: a seed becomes
+//! a [`scenario`] in a [`world`]; the ball accelerates through the air ([`acceleration`]) and
+//! leaves the ground ([`rebound`]), which makes the [`truth`]; a [`camera`] looks at a [`court`],
+//! its [`net`] and its [`surroundings`] ([`texture`] gives them grain), which makes the
+//! [`background`]; balls ([`spot`], [`ball_image`]) and sensor [`noise`] on it, with
+//! [`swaying_trees`] on a windy day, make the frames ([`renderer`]), and those a [`shot_folder`].
+//!
+//! Deliberately absent: any code shared with the estimator. Physics and projection are written
+//! anew here, so that both can only agree by both being right.
+#![forbid(unsafe_code)]
+
+// In the order of the chain; the blank lines keep rustfmt from sorting them.
+pub mod scenario;
+
+pub mod world;
+
+pub mod acceleration;
+
+pub mod rebound;
+
+pub mod truth;
+
+pub mod camera;
+
+pub mod texture;
+
+pub mod court;
+
+pub mod net;
+
+pub mod surroundings;
+
+pub mod background;
+
+pub mod spot;
+
+pub mod ball_image;
+
+pub mod noise;
+
+pub mod swaying_trees;
+
+pub mod renderer;
+
+pub mod shot_folder;
+
+pub mod player;
+
+pub mod processes;
+
+pub mod chain;

@@ -1,0 +1,112 @@
+//! A scenario → the shared memory of both boards, at the speed it happens.
+//!
+//! Frames are rendered straight into the memory lent by `capture`'s publisher: the workers cannot
+//! tell them from a camera's. One thread plays both cameras, 0.3 ms of the 11 ms between frames.
+//! When more shots are wanted than the scenario has, it is played again.
+
+use crate::camera::Side;
+use crate::renderer::Renderer;
+use crate::scenario::Scenario;
+use crate::truth::{Flight, Truth};
+use capture::Error;
+use capture::publisher::Publisher;
+use shm_layout::Camera;
+use shm_layout::services::{Domain, Place};
+use shm_layout::stop::{LOOK_EVERY, Stop};
+use std::time::{Duration, Instant};
+
+/// Empty court after the last ball, before the scenario begins again or the recording ends: long
+/// enough for a shot to be decided by silence.
+const PAUSE_S: f64 = 1.0;
+
+/// What is played, and how often.
+#[derive(Debug)]
+pub struct Programme<'a> {
+    scenario: &'a Scenario,
+    truth: &'a Truth,
+    cycle_s: f64,
+    n_shots: Option<usize>,
+}
+
+impl<'a> Programme<'a> {
+    /// `n_shots` of the scenario, which is repeated if it has fewer; endless without a number.
+    ///
+    /// # Panics
+    /// When the scenario has no shots.
+    #[must_use]
+    pub fn new(scenario: &'a Scenario, truth: &'a Truth, n_shots: Option<usize>) -> Self {
+        let ended_at_s = truth.flights.iter().map(Flight::ended_at_s).fold(0.0, f64::max);
+        assert!(!truth.flights.is_empty(), "a programme needs a shot");
+        let n_cycle_frames = ((ended_at_s + PAUSE_S) * scenario.frame_rate_hz).ceil();
+        Self { scenario, truth, cycle_s: n_cycle_frames / scenario.frame_rate_hz, n_shots }
+    }
+
+    /// The flight of shot `shot_idx`, and how much later than in the scenario it takes place.
+    #[must_use]
+    pub fn flight(&self, shot_idx: usize) -> (&Flight, f64) {
+        let n = self.truth.flights.len();
+        (&self.truth.flights[shot_idx % n], (shot_idx / n) as f64 * self.cycle_s)
+    }
+
+    /// The last frame's number; `None` when it never ends.
+    fn last_frame_idx(&self) -> Option<u64> {
+        let (flight, later_s) = self.flight(self.n_shots?.checked_sub(1)?);
+        let end_s = flight.ended_at_s() + later_s + PAUSE_S;
+        Some((end_s * self.scenario.frame_rate_hz).ceil() as u64)
+    }
+
+    /// Plays into the boards of `court`, once `n_workers` and a bridge read there, until the last
+    /// shot is over or `stop` is raised.
+    ///
+    /// # Errors
+    /// When shared memory cannot be had or nobody listens.
+    pub fn play(&self, court: &str, n_workers: usize, stop: &Stop) -> Result<(), Error> {
+        let mut boards = Vec::new();
+        for (camera, side) in Camera::BOTH.into_iter().zip(Side::BOTH) {
+            let renderer = Renderer::new(self.scenario, self.truth, side);
+            let seen_by = renderer.camera();
+            let size_px = (seen_by.width_px as u32, seen_by.height_px as u32);
+            let member = Domain::new(court, Place::Board(camera))?.join("simulate")?;
+            let publisher = Publisher::new(&member, camera, size_px)?;
+            boards.push((side, renderer, publisher, member));
+        }
+        for (_, _, publisher, _) in &boards {
+            publisher.wait_for_readers(n_workers, true, stop)?;
+        }
+        let last_idx = self.last_frame_idx();
+        let begun = Instant::now();
+        for frame_idx in 0.. {
+            let due_s = frame_idx as f64 / self.scenario.frame_rate_hz;
+            if !sleep_until(begun + Duration::from_secs_f64(due_s), stop) {
+                break;
+            }
+            let is_last = last_idx == Some(frame_idx);
+            for (side, renderer, publisher, _) in &mut boards {
+                let exposed_at_s = self.scenario.exposed_at_s(*side, frame_idx) % self.cycle_s;
+                let stamp_ns = self.scenario.stamp_ns(*side, frame_idx);
+                publisher.publish(stamp_ns, is_last, |luma| {
+                    renderer.render_into(frame_idx, exposed_at_s, luma);
+                    Ok(())
+                })?;
+            }
+            if is_last {
+                // What was published goes with its publisher: let the workers read it first.
+                sleep_until(Instant::now() + Duration::from_millis(500), stop);
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// False when stopped before.
+fn sleep_until(due: Instant, stop: &Stop) -> bool {
+    while !stop.is_raised() {
+        let left = due.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return true;
+        }
+        std::thread::sleep(left.min(LOOK_EVERY));
+    }
+    false
+}

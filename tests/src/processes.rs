@@ -1,0 +1,263 @@
+//! The real binaries: started, watched, stopped, and nothing left in shared memory.
+//!
+//! Whoever starts a [`Household`] gets every process's end reported: one that ends when it should
+//! not is an error with its name and how it ended. Dropping a household stops it all the same, so
+//! neither an early return nor a panic leaves anybody behind.
+
+use shm_layout::Camera;
+use shm_layout::services::{self, Domain, Place};
+use shm_layout::stop::Stop;
+use std::ffi::OsStr;
+use std::net::TcpListener;
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long a process may take to end after SIGTERM before it is killed.
+const STOP_WITHIN: Duration = Duration::from_secs(5);
+/// How often processes are looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
+
+/// Why the processes could not do what they were started for.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A binary is not where this one is.
+    #[error("{}: not built; run: cargo build --release --workspace", path.display())]
+    NotBuilt {
+        /// Where it should be.
+        path: PathBuf,
+    },
+    /// The system refused.
+    #[error("cannot {what}: {why}")]
+    System {
+        /// What was tried.
+        what: String,
+        /// The reason.
+        why: std::io::Error,
+    },
+    /// A process ended that should have gone on, or failed.
+    #[error("{name} {how}")]
+    Ended {
+        /// Its name.
+        name: String,
+        /// "was killed by signal 9", "failed with exit code 1".
+        how: String,
+    },
+    /// Ctrl-C or SIGTERM.
+    #[error("stopped")]
+    Stopped,
+    /// Shared memory could not be looked at.
+    #[error(transparent)]
+    Services(#[from] services::Error),
+    /// Something was left behind.
+    #[error("left in /dev/shm: {}", names.join(" "))]
+    LeftBehind {
+        /// Names of the files.
+        names: Vec<String>,
+    },
+}
+
+/// When the end of a process is no error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Until {
+    /// It must run until it is stopped.
+    Stopped,
+    /// It may end with success when its work is done.
+    Done,
+}
+
+#[derive(Debug)]
+struct Resident {
+    name: String,
+    child: Child,
+    until: Until,
+    is_done: bool,
+}
+
+/// The processes of one court, on one machine.
+#[derive(Debug)]
+pub struct Household {
+    court: String,
+    binaries: PathBuf,
+    residents: Vec<Resident>,
+}
+
+impl Household {
+    /// An empty household for a court, whose binaries stand beside the running one.
+    ///
+    /// # Errors
+    /// When the running binary cannot be found.
+    pub fn new(court: &str) -> Result<Self, Error> {
+        let here = std::env::current_exe()
+            .map_err(|why| Error::System { what: "find the running binary".to_owned(), why })?;
+        let mut binaries = here.parent().unwrap_or(Path::new(".")).to_owned();
+        if binaries.ends_with("deps") {
+            binaries.pop(); // a test binary stands one below the others
+        }
+        Ok(Self { court: court.to_owned(), binaries, residents: Vec::new() })
+    }
+
+    /// Starts a binary with `--court`, `--with-parent` and these arguments. Its words go to stderr
+    /// of this process; `stdout` says where its data goes.
+    ///
+    /// # Errors
+    /// When it is not built or cannot be started.
+    pub fn start<S: AsRef<OsStr>>(
+        &mut self,
+        name: &str,
+        binary: &str,
+        arguments: &[S],
+        until: Until,
+        stdout: Stdio,
+    ) -> Result<&mut Child, Error> {
+        let path = self.binaries.join(binary);
+        if !path.is_file() {
+            return Err(Error::NotBuilt { path });
+        }
+        let child = Command::new(&path)
+            .args(arguments)
+            .args(["--court", &self.court, "--with-parent"])
+            .stdin(Stdio::null())
+            .stdout(stdout)
+            .process_group(0) // Ctrl-C reaches this process alone, which then stops the others
+            .spawn()
+            .map_err(|why| Error::System { what: format!("start {}", path.display()), why })?;
+        let name = name.to_owned();
+        self.residents.push(Resident { name, child, until, is_done: false });
+        let last = self.residents.len() - 1;
+        Ok(&mut self.residents[last].child)
+    }
+
+    /// Names and process numbers of those still running.
+    #[must_use]
+    pub fn running(&self) -> Vec<(&str, u32)> {
+        let running = self.residents.iter().filter(|resident| !resident.is_done);
+        running.map(|resident| (resident.name.as_str(), resident.child.id())).collect()
+    }
+
+    /// Waits until the process called `name` is done.
+    ///
+    /// # Errors
+    /// When any process ends that should not, or `stop` is raised.
+    pub fn wait_for(&mut self, name: &str, stop: &Stop) -> Result<(), Error> {
+        loop {
+            if stop.is_raised() {
+                return Err(Error::Stopped);
+            }
+            self.look()?;
+            if self.residents.iter().any(|resident| resident.is_done && resident.name == name) {
+                return Ok(());
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    /// Looks at every process once.
+    ///
+    /// # Errors
+    /// When one has ended that should not have.
+    pub fn look(&mut self) -> Result<(), Error> {
+        for resident in self.residents.iter_mut().filter(|resident| !resident.is_done) {
+            let name = resident.name.clone();
+            let status = resident
+                .child
+                .try_wait()
+                .map_err(|why| Error::System { what: format!("look at {name}"), why })?;
+            let Some(status) = status else { continue };
+            resident.is_done = true;
+            if resident.until == Until::Stopped || !status.success() {
+                return Err(Error::Ended { name, how: how_ended(status) });
+            }
+        }
+        Ok(())
+    }
+
+    /// Stops every process and makes sure that nothing of the court is left in shared memory.
+    ///
+    /// # Errors
+    /// When something is left all the same.
+    pub fn stop(mut self) -> Result<(), Error> {
+        self.end_all();
+        let names = close_court(&self.court)?;
+        if names.is_empty() { Ok(()) } else { Err(Error::LeftBehind { names }) }
+    }
+
+    fn end_all(&mut self) {
+        for resident in &self.residents {
+            if !resident.is_done {
+                signal(&resident.child, rustix::process::Signal::TERM);
+            }
+        }
+        let begun = Instant::now();
+        for resident in &mut self.residents {
+            while matches!(resident.child.try_wait(), Ok(None)) {
+                if begun.elapsed() > STOP_WITHIN {
+                    signal(&resident.child, rustix::process::Signal::KILL);
+                }
+                std::thread::sleep(LOOK_EVERY);
+            }
+            resident.is_done = true;
+        }
+    }
+}
+
+impl Drop for Household {
+    fn drop(&mut self) {
+        self.end_all();
+        // After `stop` there is nothing to do; after an error this is the last chance.
+        let _ = close_court(&self.court);
+    }
+}
+
+/// The court of this process: its number makes it unique, `what` says whose it is. What courts of
+/// killed processes of this kind left in shared memory is removed.
+///
+/// # Errors
+/// When shared memory cannot be looked at.
+pub fn own_court(what: &str) -> Result<String, Error> {
+    for court in services::courts_in_shm()? {
+        let number = court.strip_prefix(what).and_then(|rest| rest.strip_prefix('-'));
+        let is_gone = |number: &str| !Path::new("/proc").join(number).exists();
+        if number.is_some_and(is_gone) {
+            close_court(&court)?;
+        }
+    }
+    Ok(format!("{what}-{}", std::process::id()))
+}
+
+/// Ends all domains of a court; names of what its processes leaked.
+fn close_court(court: &str) -> Result<Vec<String>, Error> {
+    let mut leaked = Vec::new();
+    for place in [Place::Fusion, Place::Board(Camera::Left), Place::Board(Camera::Right)] {
+        leaked.extend(Domain::new(court, place)?.close()?);
+    }
+    Ok(leaked)
+}
+
+/// A TCP endpoint on loopback that was free a moment ago.
+///
+/// # Errors
+/// When the system has none.
+pub fn free_endpoint() -> Result<String, Error> {
+    let address = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
+    let address =
+        address.map_err(|why| Error::System { what: "find a free TCP port".to_owned(), why })?;
+    Ok(format!("tcp/{address}"))
+}
+
+fn signal(child: &Child, signal: rustix::process::Signal) {
+    if let Some(pid) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
+        // It may have ended since: then there is nobody to signal.
+        let _ = rustix::process::kill_process(pid, signal);
+    }
+}
+
+fn how_ended(status: ExitStatus) -> String {
+    match (status.code(), status.signal()) {
+        (Some(0), _) => "ended early".to_owned(),
+        (Some(code), _) => format!("failed with exit code {code}"),
+        (None, Some(signal)) => format!("was killed by signal {signal}"),
+        (None, None) => format!("ended: {status}"),
+    }
+}

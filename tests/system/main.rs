@@ -1,0 +1,10 @@
+//! The whole house: real binaries, real shared memory, real TCP on loopback.
+//!
+//! Build the binaries first (`scripts/test` does): `cargo build --release --workspace --bins`.
+
+mod accuracy; // what a shot is measured as, against its truth
+mod refusals; // bad input: named, with its place, and nothing left behind
+mod residents; // processes that are killed, and Ctrl-C
+mod run; // starting `track` and reading what it wrote
+mod same_bits; // the candidates do not depend on the number of workers
+mod tidy; // the house rules

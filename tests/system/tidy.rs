@@ -1,0 +1,102 @@
+//! The house rules that a machine can check.
+
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap()
+}
+
+fn text_of(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+const ROOMS: [&str; 6] = ["shm-layout", "capture", "workers", "bridge", "fusion", "tests"];
+
+fn sources() -> Vec<PathBuf> {
+    let mut open: Vec<PathBuf> = ROOMS.iter().map(|room| root().join(room)).collect();
+    let mut files = Vec::new();
+    while let Some(directory) = open.pop() {
+        for entry in std::fs::read_dir(directory).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                files.push(path);
+            }
+        }
+    }
+    assert!(files.len() > 40, "{} sources: the search is broken", files.len());
+    files
+}
+
+/// Rooms a room's manifest names in its dependency tables.
+fn rooms_needed_by(room: &str) -> Vec<String> {
+    let manifest: toml::Table = text_of(&root().join(room).join("Cargo.toml")).parse().unwrap();
+    let tables = ["dependencies", "dev-dependencies", "build-dependencies"];
+    let names = tables.iter().filter_map(|table| manifest.get(*table)?.as_table());
+    names.flat_map(toml::Table::keys).filter(|n| ROOMS.contains(&n.as_str())).cloned().collect()
+}
+
+#[test]
+fn rooms_depend_on_shm_layout_and_never_on_each_other() {
+    assert_eq!(rooms_needed_by("shm-layout"), Vec::<String>::new());
+    for room in ["capture", "workers", "bridge", "fusion"] {
+        assert_eq!(rooms_needed_by(room), ["shm-layout"], "{room}");
+    }
+    assert!(rooms_needed_by("tests").iter().all(|room| room != "tests"));
+}
+
+#[test]
+fn files_and_lines_keep_their_size() {
+    for path in sources() {
+        let text = text_of(&path);
+        let n_lines = text.lines().count();
+        assert!(n_lines <= 400, "{}: {n_lines} lines", path.display());
+        for (idx, line) in text.lines().enumerate() {
+            let n = line.chars().count();
+            assert!(n <= 100, "{}:{}: {n} columns", path.display(), idx + 1);
+        }
+    }
+}
+
+#[test]
+fn nothing_is_left_undone_or_nameless() {
+    let marks = [["TO", "DO"].concat(), ["FIX", "ME"].concat(), ["#[ign", "ore]"].concat()];
+    for path in sources() {
+        let text = text_of(&path);
+        for mark in &marks {
+            assert!(!text.contains(mark), "{}: {mark}", path.display());
+        }
+        let stem = path.file_stem().unwrap().to_str().unwrap();
+        assert!(!["util", "utils", "common", "helpers", "misc"].contains(&stem), "{stem}.rs");
+    }
+}
+
+#[test]
+fn every_room_forbids_unsafe_code() {
+    for room in ROOMS {
+        let text = text_of(&root().join(room).join("src/lib.rs"));
+        assert!(text.contains("#![forbid(unsafe_code)]"), "{room}");
+    }
+}
+
+#[test]
+fn documents_link_to_files_that_are_there() {
+    let mut n_links = 0;
+    for name in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"] {
+        let text = text_of(&root().join(name));
+        for target in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            if !target.starts_with("http") && !target.starts_with('#') {
+                n_links += 1;
+                assert!(root().join(target).exists(), "{name} links to {target}");
+            }
+        }
+    }
+    assert!(n_links > 0, "the search is broken");
+}
+
+#[test]
+fn ci_runs_the_command_the_readme_names() {
+    assert!(text_of(&root().join(".ci/run")).contains("scripts/test"));
+    assert!(text_of(&root().join("README.md")).contains("scripts/test"));
+}

@@ -1,0 +1,145 @@
+//! Room 2: frame → foreground → filtered → blobs → candidates.
+//!
+//! Read in this order: [`strip`] says which rows of a frame are a worker's own, [`foreground`]
+//! which pixels differ from the background and are new, [`filtered`] which of them have company,
+//! [`blobs`] joins them, [`candidates`] keeps what could be a ball. [`Worker::update`] is the chain.
+//!
+//! The candidates of a frame are the same, bit for bit, for every number of workers: nothing here
+//! depends on anything but a pixel, its neighbours within the halo, and its own past.
+//!
+//! Deliberately absent: metres, the other camera, and any memory allocated per frame.
+#![forbid(unsafe_code)]
+
+pub mod blobs;
+pub mod candidates;
+pub mod filtered;
+pub mod foreground;
+pub mod strip;
+
+use blobs::Blobs;
+use filtered::Filtered;
+use foreground::{Background, Foreground};
+use shm_layout::{FrameInfo, StripCandidates};
+use strip::Strip;
+
+/// What can be set about detection; the defaults are those of the thesis where it gives any.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// How the background is learned and what counts as foreground.
+    pub background: Background,
+    /// A foreground pixel is new if it was not foreground this many frames ago. The thesis says
+    /// "previous frame" and had four workers that took turns, so it looked back about four; a far
+    /// ball moves less than its own width in one frame.
+    pub look_back: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { background: Background::default(), look_back: 4 }
+    }
+}
+
+/// One worker's state: the background of its rows and its scratch memory.
+#[derive(Debug)]
+pub struct Worker {
+    strip: Strip,
+    foreground: Foreground,
+    filtered: Filtered,
+    blobs: Blobs,
+}
+
+impl Worker {
+    /// A worker that has seen nothing yet.
+    #[must_use]
+    pub fn new(strip: Strip, settings: Settings) -> Self {
+        Self {
+            strip,
+            foreground: Foreground::new(strip, settings),
+            filtered: Filtered::new(strip),
+            blobs: Blobs::new(strip),
+        }
+    }
+
+    /// The next frame in, the candidates of this strip out.
+    ///
+    /// # Panics
+    /// When `luma` is not of the size the strip was made for.
+    pub fn update(&mut self, info: &FrameInfo, luma: &[u8]) -> StripCandidates {
+        let (width_px, height_px) = (self.strip.width_px() as usize, self.strip.height_px());
+        assert_eq!(luma.len(), width_px * height_px as usize, "one frame");
+        let is_new_foreground = self.foreground.update(luma);
+        let is_kept = self.filtered.update(is_new_foreground);
+        let blobs = self.blobs.update(is_kept);
+        let mut message = candidates::from_blobs(blobs, self.strip, self.foreground.is_learning());
+        message.recording_id = info.recording_id;
+        message.camera_idx = info.camera_idx;
+        message.frame_idx = info.frame_idx;
+        message.exposed_ns = info.exposed_ns;
+        message.frame_published_ns = info.published_ns;
+        message
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng as _, RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+    use shm_layout::Candidate;
+
+    const WIDTH_PX: u32 = 320;
+    const HEIGHT_PX: u32 = 240;
+
+    /// Noise with rectangles of 1 to 80 px that jump about: small balls, the tallest allowed ones,
+    /// and some too tall, at every place relative to the strips' edges.
+    fn busy_frame(rng: &mut ChaCha8Rng, n_spots: u32) -> Vec<u8> {
+        let mut luma: Vec<u8> =
+            (0..WIDTH_PX * HEIGHT_PX).map(|_| 96 + (rng.next_u32() % 8) as u8).collect();
+        for _ in 0..n_spots {
+            let (w, h) = (rng.random_range(1..80), rng.random_range(1..80));
+            let (x, y) = (rng.random_range(0..WIDTH_PX), rng.random_range(0..HEIGHT_PX));
+            let level = if rng.random_bool(0.5) { 180 } else { 30 };
+            for row in y..(y + h).min(HEIGHT_PX) {
+                let at = (row * WIDTH_PX) as usize;
+                luma[at + x as usize..at + (x + w).min(WIDTH_PX) as usize].fill(level);
+            }
+        }
+        luma
+    }
+
+    /// What [`Worker`]s of `n` strips find in the same frames: largest first, as fusion keeps them.
+    fn found_with(n: u32, seed: u64) -> (Vec<Vec<Candidate>>, u32) {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let size_px = (WIDTH_PX, HEIGHT_PX);
+        let mut workers: Vec<Worker> = (0..n)
+            .map(|idx| Worker::new(Strip::new(idx, n, size_px), Settings::default()))
+            .collect();
+        let mut found = Vec::new();
+        let mut n_dropped = 0;
+        for frame_idx in 0..60 {
+            let luma = busy_frame(&mut rng, if frame_idx < 31 { 0 } else { frame_idx as u32 % 12 });
+            let info = FrameInfo { frame_idx, ..FrameInfo::default() };
+            let mut spots = Vec::new();
+            for worker in &mut workers {
+                let message = worker.update(&info, &luma);
+                n_dropped += message.n_dropped;
+                spots.extend_from_slice(message.spots());
+            }
+            spots.sort_by(candidates::by_worth);
+            found.push(spots);
+        }
+        (found, n_dropped)
+    }
+
+    #[test]
+    fn candidates_are_the_same_bits_for_every_number_of_strips() {
+        for seed in 0..4 {
+            let (alone, n_dropped) = found_with(1, seed);
+            let n_found: usize = alone.iter().map(Vec::len).sum();
+            assert!(n_found > 50 && n_dropped == 0, "{n_found} found: nothing is being compared");
+            for n in [2, 3, 4, 8] {
+                assert_eq!(found_with(n, seed).0, alone, "{n} strips, seed {seed}");
+            }
+        }
+    }
+}

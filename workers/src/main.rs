@@ -1,0 +1,141 @@
+//! `worker`: frames of one camera in, the candidates of one strip out.
+
+use anyhow::Context as _;
+use clap::Parser;
+use rustix::time::{ClockId, clock_gettime};
+use shm_layout::services::{Domain, Place};
+use shm_layout::stop::Stop;
+use shm_layout::{Camera, FrameInfo, MAX_STRIPS, StampNs};
+use std::process::ExitCode;
+use workers::foreground::Background;
+use workers::strip::Strip;
+use workers::{Settings, Worker};
+
+/// Finds ball candidates in one strip of every frame of a camera.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Flags {
+    /// Name of the court: 1 to 32 of a-z, 0-9 and '-'.
+    #[arg(long)]
+    court: String,
+    /// Which camera's frames: left or right.
+    #[arg(long)]
+    camera: Camera,
+    /// Which strip of the frame, from the top, counted from 0.
+    #[arg(long, default_value_t = 0)]
+    strip: u32,
+    /// How many workers share a frame.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_STRIPS)))]
+    of: u32,
+    /// A pixel is new if it was not foreground this many frames ago; 0: differencing off.
+    #[arg(long, default_value_t = Settings::default().look_back, value_parser = look_back_from_text)]
+    look_back_frames: usize,
+    /// Weight of a new frame in the background.
+    #[arg(long, default_value_t = Background::default().learning_rate, value_parser = rate_from_text)]
+    learning_rate: f32,
+    /// Foreground differs from the background by more than this many sigma.
+    #[arg(long, default_value_t = Background::default().sigma_threshold, value_parser = sigma_from_text)]
+    sigma_threshold: f32,
+    /// Smallest sigma of a pixel believed, grey levels.
+    #[arg(long, default_value_t = Background::default().sigma_floor, value_parser = sigma_from_text)]
+    sigma_floor: f32,
+    /// Frames learned before candidates are reported.
+    #[arg(long, default_value_t = Background::default().n_learning)]
+    learning_frames: u32,
+    /// End when the process that started this one has ended.
+    #[arg(long)]
+    with_parent: bool,
+}
+
+fn main() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .init();
+    let flags = Flags::parse();
+    match run(&flags) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("worker {} {}/{}: {e:#}", flags.camera, flags.strip, flags.of);
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(flags: &Flags) -> anyhow::Result<()> {
+    anyhow::ensure!(flags.strip < flags.of, "--strip {} of {}", flags.strip, flags.of);
+    let settings = Settings {
+        background: Background {
+            learning_rate: flags.learning_rate,
+            sigma_threshold: flags.sigma_threshold,
+            sigma_floor: flags.sigma_floor,
+            n_learning: flags.learning_frames,
+        },
+        look_back: flags.look_back_frames,
+    };
+    let stop = Stop::on_signals(flags.with_parent).context("cannot listen to signals")?;
+    let name = format!("worker-{}", flags.strip);
+    let member = Domain::new(&flags.court, Place::Board(flags.camera))?.join(&name)?;
+    let candidates = member.candidates()?.writer()?;
+    let service = member.frames()?;
+    let (frames, alarm) = (service.reader()?, service.alarm()?);
+
+    let mut current: Option<(FrameInfo, Worker)> = None;
+    while !stop.is_raised() {
+        while let Some(frame) = frames.receive()? {
+            let started_ns = monotonic_ns();
+            let info = *frame.user_header();
+            if !info_fits(&info, frame.payload().len()) {
+                tracing::warn!(?info, n_bytes = frame.payload().len(), "frame refused");
+                continue;
+            }
+            let worker = match &mut current {
+                Some((before, worker)) if is_same_recording(before, &info) => worker,
+                slot => {
+                    // Another camera mode or run: its background is not ours.
+                    let strip = Strip::new(flags.strip, flags.of, (info.width_px, info.height_px));
+                    &mut slot.insert((info, Worker::new(strip, settings))).1
+                }
+            };
+            let mut message = worker.update(&info, frame.payload());
+            message.started_ns = started_ns;
+            message.finished_ns = monotonic_ns();
+            candidates.send(message)?;
+        }
+        alarm.wait()?;
+    }
+    Ok(())
+}
+
+fn info_fits(info: &FrameInfo, n_bytes: usize) -> bool {
+    let n_px = u64::from(info.width_px) * u64::from(info.height_px);
+    n_px > 0 && n_px == n_bytes as u64
+}
+
+fn is_same_recording(before: &FrameInfo, info: &FrameInfo) -> bool {
+    let identity = |i: &FrameInfo| (i.recording_id, i.width_px, i.height_px);
+    identity(before) == identity(info)
+}
+
+fn monotonic_ns() -> StampNs {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec * 1_000_000_000 + now.tv_nsec
+}
+
+fn number_from_text(text: &str, least: f32, most: f32) -> Result<f32, String> {
+    let expected = || format!("expected {least} to {most}, got {text:?}");
+    let number: f32 = text.parse().map_err(|_| expected())?;
+    if (least..=most).contains(&number) { Ok(number) } else { Err(expected()) }
+}
+
+fn rate_from_text(text: &str) -> Result<f32, String> {
+    number_from_text(text, 0.0, 1.0)
+}
+
+fn sigma_from_text(text: &str) -> Result<f32, String> {
+    number_from_text(text, 0.1, 100.0)
+}
+
+fn look_back_from_text(text: &str) -> Result<usize, String> {
+    number_from_text(text, 0.0, 64.0).map(|n| n as usize)
+}
