@@ -1,6 +1,5 @@
 //! `bridge`: between the shared memory of a machine and the network.
 
-use anyhow::Context as _;
 use bridge::session::DEFAULT_ENDPOINT;
 use bridge::{inbound, outbound};
 use clap::{Parser, Subcommand};
@@ -54,7 +53,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let flags = Flags::parse();
-    match run(&flags) {
+    match Stop::run(flags.with_parent, |stop| run(&flags, stop)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
             eprintln!("bridge {}: {e:#}", place(&flags.end));
@@ -70,15 +69,14 @@ fn place(end: &End) -> &'static str {
     }
 }
 
-fn run(flags: &Flags) -> anyhow::Result<()> {
-    let stop = Stop::on_signals(flags.with_parent).context("cannot listen to signals")?;
+fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     match &flags.end {
         End::Board { court, camera, connect } => {
-            let sent = outbound::run(court, *camera, connect, &stop)?;
+            let sent = outbound::run(court, *camera, connect, stop)?;
             tracing::info!(?sent, "bridge {camera} stopped");
         }
         End::Fusion { court, listen } => {
-            let received = inbound::run(court, listen, &stop)?;
+            let received = inbound::run(court, listen, stop)?;
             tracing::info!(?received, "bridge fusion stopped");
         }
     }

@@ -1,6 +1,5 @@
 //! `capture`: frames from disk into the shared memory of a board.
 
-use anyhow::Context as _;
 use capture::Error;
 use capture::pace::{self, InFlight, MAX_IN_FLIGHT, Speed};
 use capture::publisher::Publisher;
@@ -55,9 +54,8 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let flags = Flags::parse();
-    match run(&flags) {
+    match Stop::run(flags.with_parent, |stop| run(&flags, stop)) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(e) if matches!(e.downcast_ref(), Some(Error::Stopped)) => ExitCode::SUCCESS,
         Err(e) => {
             eprintln!("capture {}: {e:#}", flags.camera);
             ExitCode::FAILURE
@@ -65,22 +63,21 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(flags: &Flags) -> anyhow::Result<()> {
+fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     let mut source = source_of(flags)?;
-    let stop = Stop::on_signals(flags.with_parent).context("cannot listen to signals")?;
     let member = Domain::new(&flags.court, Place::Board(flags.camera))?.join("capture")?;
     let mut in_flight = InFlight::new(&member.candidates()?, flags.workers)?;
     let mut publisher = Publisher::new(&member, flags.camera, source.size_px())?;
-    publisher.wait_for_readers(flags.workers as usize, flags.wait_for_bridge, &stop)?;
+    publisher.wait_for_readers(flags.workers as usize, flags.wait_for_bridge, stop)?;
 
     let stamps_ns = source.stamps_ns().to_vec();
     let begun = Instant::now();
     let mut n_missed = 0_usize;
     for (idx, &exposed_ns) in stamps_ns.iter().enumerate() {
         match flags.speed {
-            Speed::Max => in_flight.wait_until_at_most(MAX_IN_FLIGHT - 1, &stop)?,
+            Speed::Max => in_flight.wait_until_at_most(MAX_IN_FLIGHT - 1, stop)?,
             Speed::Real => {
-                wait_until(pace::due_at(begun, stamps_ns[0], exposed_ns), &stop)?;
+                wait_until(pace::due_at(begun, stamps_ns[0], exposed_ns), stop)?;
                 in_flight.take_progress()?;
             }
         }
@@ -97,7 +94,7 @@ fn run(flags: &Flags) -> anyhow::Result<()> {
         }
     }
     // What was published goes with its publisher: stay until the workers have done with it.
-    in_flight.wait_until_at_most(0, &stop)?;
+    in_flight.wait_until_at_most(0, stop)?;
     let elapsed_s = begun.elapsed().as_secs_f64();
     tracing::info!(n_frames = stamps_ns.len(), n_missed, elapsed_s, "recording published");
     Ok(())

@@ -6,10 +6,10 @@
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// Not TOML, or a value of the wrong type; toml's own text names line and column.
-    #[error("rig.toml: {0}")]
-    RigSyntax(#[from] toml::de::Error),
+    #[error("{0}")]
+    RigSyntax(String),
     /// A table or key that must be there is not.
-    #[error("rig.toml: `{field}` is missing: {expected}")]
+    #[error("`{field}` is missing: {expected}")]
     RigMissing {
         /// The table or key, dotted.
         field: String,
@@ -17,7 +17,7 @@ pub enum Error {
         expected: &'static str,
     },
     /// A value no real rig can have.
-    #[error("rig.toml: `{field}` is {got}, expected {expected}")]
+    #[error("`{field}` is {got}, expected {expected}")]
     RigValue {
         /// The key, dotted.
         field: String,

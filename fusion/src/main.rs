@@ -19,6 +19,8 @@ use std::time::{Duration, Instant};
 const NEWS_WITHIN: Duration = Duration::from_secs(30);
 /// Strips that are not here this long after the last frame was announced are lost.
 const STRAGGLERS_WITHIN: Duration = Duration::from_secs(2);
+/// How far one recording may be ahead of the other: twelve minutes at 90 frames/s.
+const N_WAITING_RECORDED: usize = 1 << 16;
 /// Most shots kept for the document at the end; a day of one every three seconds.
 const MAX_SHOTS: usize = 28_800;
 
@@ -61,7 +63,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let flags = Flags::parse();
-    match run(&flags) {
+    match Stop::run(flags.with_parent, |stop| run(&flags, stop)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
             eprintln!("fusion: {e:#}");
@@ -70,22 +72,28 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(flags: &Flags) -> anyhow::Result<()> {
+fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     let rig = flags.rig.as_deref().map(rig_from_file).transpose()?;
     ensure!(
         rig.is_some() || flags.json.is_none(),
         "--json needs --rig: without it no shot is measured"
     );
+    let is_one_camera =
+        flags.recorded.len() == 1 || flags.left_csv.is_some() != flags.right_csv.is_some();
+    if rig.is_some() && is_one_camera {
+        eprintln!("fusion: one camera: no shot can be measured, only candidates are written");
+    }
     let outputs = Outputs::open(flags)?;
-    let table = Table {
-        rig: rig.clone(),
-        fusion: rig.map(|rig| Fusion::new(rig, Settings::default())),
-        outputs,
-    };
+    let mut settings = Settings::default();
+    if !flags.recorded.is_empty() {
+        settings.n_waiting_frames = N_WAITING_RECORDED;
+    }
+    let fusion = rig.clone().map(|rig| Fusion::new(rig, settings));
+    let table = Table { rig, fusion, outputs };
     if flags.left_csv.is_some() || flags.right_csv.is_some() {
         from_files(flags, table)
     } else {
-        from_boards(flags, table)
+        from_boards(flags, table, stop)
     }
 }
 
@@ -113,11 +121,6 @@ impl Table {
             let shots = fusion.finish();
             self.outputs.write_shots(shots)?;
             tracing::info!(dropped = ?fusion.dropped(), rejected = ?fusion.rejected(), "fusion ends");
-            if frames.iter().flatten().count() < 2 {
-                eprintln!(
-                    "fusion: one camera: no shot can be measured, only candidates are written"
-                );
-            }
         }
         self.outputs.finish(frames)
     }
@@ -158,8 +161,7 @@ fn from_files(flags: &Flags, mut table: Table) -> anyhow::Result<()> {
     table.finish(counts)
 }
 
-fn from_boards(flags: &Flags, mut table: Table) -> anyhow::Result<()> {
-    let stop = Stop::on_signals(flags.with_parent).context("cannot listen to signals")?;
+fn from_boards(flags: &Flags, mut table: Table, stop: &Stop) -> anyhow::Result<()> {
     let member = Domain::new(&flags.court, Place::Fusion)?.join("fusion")?;
     table.outputs.shots_out = Some(member.shots()?.writer()?);
     let (candidates, frames_info) = (member.candidates()?, member.frames_info()?);
@@ -185,6 +187,9 @@ fn from_boards(flags: &Flags, mut table: Table) -> anyhow::Result<()> {
             break;
         }
         alarm.wait()?;
+    }
+    if stop.is_raised() && !flags.recorded.is_empty() {
+        return Ok(()); // half a recording is not what was asked for: nothing is written
     }
     let mut counts = [None; 2];
     for camera in Camera::BOTH {

@@ -1,7 +1,7 @@
 //! Rectified left + right -> pairs that may show the same thing.
 //!
 //! Frames are never paired by index: each left frame meets the right frame nearest in time, within
-//! half a frame period. The side that is ahead waits, in queues of [`MAX_WAITING_FRAMES`].
+//! half a frame period. The side that is ahead waits, up to [`Settings::n_waiting_frames`].
 //!
 //! Candidates pair if their rows agree, the disparity is that of a possible depth, and their sizes
 //! are alike by the thesis' Eq 21, `S = 3 / (s_r² + h_r² + w_r²)`, each ratio the larger over the
@@ -19,9 +19,6 @@ use crate::world::rectification::Rectification;
 use crate::{Dropped, Settings};
 use shm_layout::{Camera, StampNs};
 use std::collections::VecDeque;
-
-/// Frames of one camera that may wait for the other: 2.8 s at 90 Hz.
-pub const MAX_WAITING_FRAMES: usize = 256;
 
 /// Most pairs of one instant; the best are kept. A ball and twenty false spots per camera give
 /// about ten.
@@ -115,13 +112,13 @@ impl Pairing {
             let [left, right] = &self.sides;
             let Some(first) = left.waiting.front() else { break };
             let is_known = right.waiting.back().is_some_and(|last| last.t_ns >= first.t_ns);
-            if !is_known && left.waiting.len() <= MAX_WAITING_FRAMES {
+            if !is_known && left.waiting.len() <= settings.n_waiting_frames {
                 break;
             }
             matched.extend(self.next_left(rectification, settings, dropped));
         }
         let right = &mut self.sides[Camera::Right.idx()].waiting;
-        while right.len() > MAX_WAITING_FRAMES {
+        while right.len() > settings.n_waiting_frames {
             right.pop_front();
             dropped.n_unpaired_frames += 1;
         }
@@ -299,7 +296,8 @@ mod tests {
                 if silent == Camera::Right { (stream, vec![]) } else { (vec![], stream) };
             let (matched, dropped) = paired(&left, &right);
             assert_eq!(matched.len(), left.len());
-            let n_waiting_at_end = if silent == Camera::Left { MAX_WAITING_FRAMES } else { 0 };
+            let n_max = Settings::default().n_waiting_frames;
+            let n_waiting_at_end = if silent == Camera::Left { n_max } else { 0 };
             assert_eq!(dropped.n_unpaired_frames as usize, 1000 - n_waiting_at_end);
         }
     }

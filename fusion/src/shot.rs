@@ -29,8 +29,10 @@ const LAUNCH_SPEED_MIN_M_S: f64 = 8.0;
 /// Shorter is a chain of false points.
 const DURATION_MIN_S: f64 = 0.15;
 
-/// A flown-back ball this far underground did not come from a launcher but from a bounce.
-const UNDERGROUND_M: f64 = -0.5;
+/// A flown-back ball this far underground did not come from a launcher but from a bounce: what it
+/// may be at once, and per metre flown back (spin is only guessed; a bounced ball dives 0.5 m/m).
+const UNDERGROUND_M: f64 = 0.5;
+const UNDERGROUND_PER_M: f64 = 0.15;
 
 /// Longest gap in which the net may be passed unseen: 2 m of flight.
 const GAP_AT_NET_MAX_S: f64 = 0.1;
@@ -194,11 +196,16 @@ fn rejection_of(before: &[Point], launch: &Launch, is_court_known: bool) -> Opti
         Some(Rejection::TooSlow)
     } else if is_court_known && v.y < 0.5 * v.norm() {
         Some(Rejection::AwayFromNet)
-    } else if is_court_known && launch.position_m.z < UNDERGROUND_M {
+    } else if is_court_known && is_underground(launch, &before[0]) {
         Some(Rejection::NotFromLauncher)
     } else {
         None
     }
+}
+
+fn is_underground(launch: &Launch, first: &Point) -> bool {
+    let flown_back_m = (first.position_m - launch.position_m).norm();
+    launch.position_m.z < -UNDERGROUND_M - UNDERGROUND_PER_M * flown_back_m
 }
 
 /// From the arc around the time the ball passes the net's plane; None if that was not seen.

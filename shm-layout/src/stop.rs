@@ -33,6 +33,20 @@ impl Stop {
         Ok(Self(raised))
     }
 
+    /// Runs a process' work. Once it was asked to end, an error is only the way it ended: a call
+    /// that a signal interrupted, a neighbour that went first.
+    ///
+    /// # Errors
+    /// What `work` returns, unless the process was asked to end; what [`Stop::on_signals`] says.
+    pub fn run<E: From<std::io::Error>>(
+        with_parent: bool,
+        work: impl FnOnce(&Self) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let stop = Self::on_signals(with_parent)?;
+        let outcome = work(&stop);
+        if stop.is_raised() { Ok(()) } else { outcome }
+    }
+
     /// True once the process was asked to end.
     #[must_use]
     pub fn is_raised(&self) -> bool {

@@ -1,4 +1,4 @@
-//! Bad input is named, with its file, place and what was expected; `track` fails and leaves nothing.
+//! Bad input is named, with its file, place and what was expected; nothing is left behind.
 
 use crate::run::{simulated, track, turn, words};
 use std::path::Path;
@@ -46,7 +46,12 @@ fn a_spoiled_recording_is_refused_with_its_place() {
         let file = std::fs::OpenOptions::new().write(true).open(video(folder)).unwrap();
         file.set_len(5 * 307_206 + 1000).unwrap();
     };
-    check("truncated", good.path(), cut, &["left.y4m", "frame 4", "307200 bytes"]);
+    check(
+        "truncated",
+        good.path(),
+        cut,
+        &["left.y4m", "frame 5", "307200 bytes", "after 954 bytes"],
+    );
     let garbage = |folder: &Path| std::fs::write(video(folder), "not a video").unwrap();
     check("not a video", good.path(), garbage, &["left.y4m", "line 1", "YUV4MPEG2"]);
     let gone = |folder: &Path| std::fs::remove_file(folder.join("right.timestamps")).unwrap();
@@ -76,7 +81,12 @@ fn a_spoiled_rig_is_refused_with_its_place() {
     };
     let gone = |folder: &Path| std::fs::remove_file(rig(folder)).unwrap();
     check("no rig", good.path(), gone, &["rig.toml", "expected"]);
-    check("not TOML", good.path(), with("[left]", "[left"), &["rig.toml", "line 1"]);
+    check(
+        "not TOML",
+        good.path(),
+        with("[left]", "[left"),
+        &["rig.toml", "line 2", "expected `]`"],
+    );
     check("no table", good.path(), with("[right]", "[wrong]"), &["rig.toml", "right"]);
     let small = with("[640, 480]", "[1280, 720]");
     check("other images", good.path(), small, &["640x480", "1280x720", "left"]);

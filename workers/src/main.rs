@@ -1,6 +1,5 @@
 //! `worker`: frames of one camera in, the candidates of one strip out.
 
-use anyhow::Context as _;
 use clap::Parser;
 use rustix::time::{ClockId, clock_gettime};
 use shm_layout::services::{Domain, Place};
@@ -53,7 +52,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let flags = Flags::parse();
-    match run(&flags) {
+    match Stop::run(flags.with_parent, |stop| run(&flags, stop)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
             eprintln!("worker {} {}/{}: {e:#}", flags.camera, flags.strip, flags.of);
@@ -62,7 +61,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(flags: &Flags) -> anyhow::Result<()> {
+fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     anyhow::ensure!(flags.strip < flags.of, "--strip {} of {}", flags.strip, flags.of);
     let settings = Settings {
         background: Background {
@@ -73,7 +72,6 @@ fn run(flags: &Flags) -> anyhow::Result<()> {
         },
         look_back: flags.look_back_frames,
     };
-    let stop = Stop::on_signals(flags.with_parent).context("cannot listen to signals")?;
     let name = format!("worker-{}", flags.strip);
     let member = Domain::new(&flags.court, Place::Board(flags.camera))?.join(&name)?;
     let candidates = member.candidates()?.writer()?;

@@ -61,7 +61,7 @@ impl std::str::FromStr for Rig {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        let view: RigView = toml::from_str(text)?;
+        let view: RigView = toml::from_str(text).map_err(|e| Error::RigSyntax(e.to_string()))?;
         let missing = |table: &str| Error::RigMissing {
             field: table.to_owned(),
             expected: "a rig has two cameras, [left] and [right]",
