@@ -53,13 +53,9 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let flags = Flags::parse();
-    match Stop::run(flags.with_parent, |stop| run(&flags, stop)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("bridge {}: {e:#}", place(&flags.end));
-            ExitCode::FAILURE
-        }
-    }
+    Stop::run(format_args!("bridge {}", place(&flags.end)), flags.with_parent, |stop| {
+        run(&flags, stop)
+    })
 }
 
 fn place(end: &End) -> &'static str {

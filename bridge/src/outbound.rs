@@ -1,7 +1,7 @@
 //! A board's shared memory → batches → network.
 //!
-//! Two threads: one empties shared memory (whose queues overwrite their oldest), the other publishes
-//! and may be held up by the network. Between them stands a bounded queue that drops its oldest
+//! Two threads: one empties shared memory (whose queues overwrite their oldest), the other
+//! publishes and may be held up by the network. Between them stands a bounded queue that drops its oldest
 //! batch; as batches are numbered before they enter it, the far end sees the hole.
 
 use crate::session::{self, End};

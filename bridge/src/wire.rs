@@ -311,7 +311,10 @@ mod tests {
         }
 
         #[test]
-        fn a_cut_or_lengthened_batch_is_refused(batch in any_batch(), at in any::<prop::sample::Index>()) {
+        fn a_cut_or_lengthened_batch_is_refused(
+            batch in any_batch(),
+            at in any::<prop::sample::Index>(),
+        ) {
             let mut bytes = bytes_from_batch(&batch);
             prop_assert!(batch_from_bytes(&bytes[..at.index(bytes.len())]).is_err());
             bytes.push(0);

@@ -7,7 +7,7 @@ use capture::source::{Source, Stamps};
 use clap::Parser;
 use shm_layout::services::{Domain, Place};
 use shm_layout::stop::{LOOK_EVERY, Stop};
-use shm_layout::{Camera, MAX_STRIPS};
+use shm_layout::{Camera, N_STRIPS_RANGE};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -38,7 +38,7 @@ struct Flags {
     #[arg(long, value_enum, default_value = "real")]
     speed: Speed,
     /// Workers to wait for before the first frame.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_STRIPS)))]
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
     workers: u32,
     /// Also wait for the bridge.
     #[arg(long)]
@@ -54,13 +54,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let flags = Flags::parse();
-    match Stop::run(flags.with_parent, |stop| run(&flags, stop)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("capture {}: {e:#}", flags.camera);
-            ExitCode::FAILURE
-        }
-    }
+    Stop::run(format_args!("capture {}", flags.camera), flags.with_parent, |stop| run(&flags, stop))
 }
 
 fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {

@@ -3,9 +3,9 @@
 //! The simulator publishes through this too: what pretends to be a camera comes in by this door.
 
 use crate::Error;
-use rustix::time::{ClockId, clock_gettime};
 use shm_layout::ports::{FrameService, FrameWriter, MessageService, MessageWriter};
 use shm_layout::services::{self, Member};
+use shm_layout::stamp::now_ns;
 use shm_layout::stop::Stop;
 use shm_layout::{Camera, FrameInfo, StampNs};
 use std::time::{Duration, Instant};
@@ -51,7 +51,7 @@ impl Publisher {
         let frame_writer = frames.writer(width_px as usize * height_px as usize)?;
         let info_writer = infos.writer()?;
         // Boots and runs differ in it; two runs within a nanosecond do not happen.
-        let recording_id = u64::from(std::process::id()) << 40 ^ monotonic_ns().unsigned_abs();
+        let recording_id = u64::from(std::process::id()) << 40 ^ now_ns().unsigned_abs();
         Ok(Self {
             frames,
             infos,
@@ -113,7 +113,7 @@ impl Publisher {
             recording_id: self.recording_id,
             frame_idx: self.next_idx,
             exposed_ns,
-            published_ns: monotonic_ns(),
+            published_ns: now_ns(),
             width_px: self.width_px,
             height_px: self.height_px,
             is_last: u32::from(is_last),
@@ -125,9 +125,4 @@ impl Publisher {
         self.next_idx += 1;
         Ok(Published { frame_idx: info.frame_idx, n_reached })
     }
-}
-
-fn monotonic_ns() -> StampNs {
-    let now = clock_gettime(ClockId::Monotonic);
-    now.tv_sec * 1_000_000_000 + now.tv_nsec
 }

@@ -22,8 +22,8 @@
 //! | and the jerk  |   0.1 |    0.3 |   1.0 |   7.1 |  17 |
 //!
 //! With 0.3 px, 30 % missed, two false spots per camera and up to 1000 rpm (200 shots, `pretend`):
-//! 18 mm RMS from a window of 0.35 s, 16 from 0.45 s, 13 from 0.6 s, 12 from 0.75 s; with 0.1 px and
-//! 5 % missed 3.5, 3.1, 3.7 and 5.3 mm, where the model shows.
+//! 18 mm RMS from a window of 0.35 s, 16 from 0.45 s, 13 from 0.6 s, 12 from 0.75 s; with 0.1 px
+//! and 5 % missed 3.5, 3.1, 3.7 and 5.3 mm, where the model shows.
 
 use crate::arc::{Arc, crossing_covariance};
 use crate::motion::seconds_between;

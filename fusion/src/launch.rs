@@ -3,7 +3,8 @@
 //! The arc is read in its middle, where it is known best, and the ball flown back from there: to
 //! the launcher's plane if the rig has one, else to the first point seen. (Eq 26 itself, carried
 //! back 0.2 s further, is 0.14 m and 1.2 m/s off.) It flies with gravity, drag, and what the arc's
-//! own acceleration has beyond these, which is mostly spin and so grows with the speed squared.
+//! own acceleration has beyond these, which is mostly lift: it grows with the speed squared and
+//! turns with the ball. (As a constant vector it is metres off for a lob first seen at its top.)
 
 use crate::arc::Arc;
 use crate::motion::{azimuth_elevation_rad, seconds_between};
@@ -11,9 +12,6 @@ use crate::world::ball::{Physics, State};
 use crate::world::rig::Rig;
 use nalgebra::{Matrix3, Point3, Vector3};
 use shm_layout::StampNs;
-
-/// Rounds in which the speed at the launch corrects the mean of what grows with it.
-const N_ROUNDS: usize = 3;
 
 /// Longest a ball is flown back. A launcher is nearer; a bounced ball takes longer to go back to
 /// it.
@@ -56,22 +54,13 @@ pub struct Direction {
 #[must_use]
 pub fn from_arc(arc: &Arc, first_ns: StampNs, rig: &Rig) -> Option<Launch> {
     let middle = arc.state_at(arc.middle_ns());
-    let assumed = rig.physics();
-    let excess_m_s2 = arc.acceleration_m_s2() - assumed.acceleration_m_s2(&middle.velocity_m_s);
+    let physics = rig.physics().explaining(&arc.acceleration_m_s2(), &middle.velocity_m_s);
     let launcher = rig.launcher_in_court_m().filter(|_| rig.court_from_left().is_some());
-    let mut back_s = seconds_between(arc.middle_ns(), first_ns);
-    let mut launched = middle;
-    let mut mean_scale = 1.0;
-    for _ in 0..N_ROUNDS {
-        let gravity_m_s2 = assumed.gravity_m_s2 + excess_m_s2 * mean_scale;
-        let physics = Physics { gravity_m_s2, ..assumed };
-        if let Some(launcher) = launcher {
-            back_s = time_to_plane_s(middle, launcher.y, &physics)?;
-        }
-        launched = physics.propagated(middle, back_s);
-        let ratio = launched.velocity_m_s.norm_squared() / middle.velocity_m_s.norm_squared();
-        mean_scale = f64::midpoint(1.0, ratio);
-    }
+    let back_s = match launcher {
+        Some(launcher) => time_to_plane_s(middle, launcher.y, &physics)?,
+        None => seconds_between(arc.middle_ns(), first_ns),
+    };
+    let launched = physics.propagated(middle, back_s);
     let State { position_m, velocity_m_s } = launched;
     let t_ns = arc.middle_ns().saturating_add((back_s * 1e9).round() as StampNs);
     let covariance = arc.covariance_at(t_ns).fixed_view::<3, 3>(3, 3)

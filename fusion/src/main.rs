@@ -63,13 +63,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let flags = Flags::parse();
-    match Stop::run(flags.with_parent, |stop| run(&flags, stop)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("fusion: {e:#}");
-            ExitCode::FAILURE
-        }
-    }
+    Stop::run("fusion", flags.with_parent, |stop| run(&flags, stop))
 }
 
 fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
@@ -120,7 +114,8 @@ impl Table {
         if let Some(fusion) = &mut self.fusion {
             let shots = fusion.finish();
             self.outputs.write_shots(shots)?;
-            tracing::info!(dropped = ?fusion.dropped(), rejected = ?fusion.rejected(), "fusion ends");
+            let (dropped, rejected) = (fusion.dropped(), fusion.rejected());
+            tracing::info!(?dropped, ?rejected, "fusion ends");
         }
         self.outputs.finish(frames)
     }

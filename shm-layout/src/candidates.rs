@@ -10,6 +10,9 @@ pub const MAX_CANDIDATES: usize = 64;
 /// Most strips (worker processes) a frame is shared between.
 pub const MAX_STRIPS: u32 = 8;
 
+/// What a flag may say of the number of workers, for clap's range.
+pub const N_STRIPS_RANGE: std::ops::RangeInclusive<i64> = 1..=MAX_STRIPS as i64;
+
 /// One ball-like spot in raw pixels: distorted, as captured, (0,0) the centre of the top-left one.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]

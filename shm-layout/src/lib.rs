@@ -15,7 +15,7 @@ pub mod shot;
 pub mod stamp;
 pub mod stop;
 
-pub use candidates::{Candidate, MAX_CANDIDATES, MAX_STRIPS, StripCandidates};
+pub use candidates::{Candidate, MAX_CANDIDATES, MAX_STRIPS, N_STRIPS_RANGE, StripCandidates};
 pub use frame::{FrameInfo, MAX_SIDE_PX};
 pub use shot::Shot;
 pub use stamp::{Camera, StampNs};

@@ -4,6 +4,13 @@
 /// them; all others are CLOCK_MONOTONIC of the machine they were taken on.
 pub type StampNs = i64;
 
+/// Now, on the clock that all stamps of a machine but `exposed` are on.
+#[must_use]
+pub fn now_ns() -> StampNs {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    now.tv_sec * 1_000_000_000 + now.tv_nsec
+}
+
 /// One of the two cameras of a court, as seen from behind the near baseline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Camera {

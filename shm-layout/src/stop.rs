@@ -1,6 +1,8 @@
 //! How a process of this house ends: SIGTERM and Ctrl-C raise a flag that its loop looks at, so
 //! that its shared memory is given back before it goes. Nobody is killed by a signal handler.
 
+use std::fmt::Display;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -33,18 +35,25 @@ impl Stop {
         Ok(Self(raised))
     }
 
-    /// Runs a process' work. Once it was asked to end, an error is only the way it ended: a call
-    /// that a signal interrupted, a neighbour that went first.
-    ///
-    /// # Errors
-    /// What `work` returns, unless the process was asked to end; what [`Stop::on_signals`] says.
-    pub fn run<E: From<std::io::Error>>(
+    /// Runs a process' work to its exit code, saying `name: why` of a failure. Once it was asked to
+    /// end, an error is only the way it ended: a call that a signal interrupted, a neighbour that
+    /// went first.
+    pub fn run<E: Display + From<std::io::Error>>(
+        name: impl Display,
         with_parent: bool,
         work: impl FnOnce(&Self) -> Result<(), E>,
-    ) -> Result<(), E> {
-        let stop = Self::on_signals(with_parent)?;
-        let outcome = work(&stop);
-        if stop.is_raised() { Ok(()) } else { outcome }
+    ) -> ExitCode {
+        let outcome = Self::on_signals(with_parent).map_err(E::from).and_then(|stop| {
+            let outcome = work(&stop);
+            if stop.is_raised() { Ok(()) } else { outcome }
+        });
+        match outcome {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(why) => {
+                eprintln!("{name}: {why:#}");
+                ExitCode::FAILURE
+            }
+        }
     }
 
     /// True once the process was asked to end.

@@ -2,6 +2,8 @@
 //!
 //! Build the binaries first (`scripts/test` does): `cargo build --release --workspace --bins`.
 
+#![allow(clippy::unwrap_used)] // all of it is test code; the lint only knows #[test] functions
+
 mod accuracy; // what a shot is measured as, against its truth
 mod refusals; // bad input: named, with its place, and nothing left behind
 mod residents; // processes that are killed, and Ctrl-C

@@ -1,4 +1,4 @@
-//! Blobs → candidates: those whose size and shape a ball can have, largest first.
+//! Blobs → candidates: whole ones, of a size and shape a ball can have, largest first.
 
 use crate::blobs::Blob;
 use crate::filtered::SHIFT_PX;
@@ -11,6 +11,9 @@ const MIN_AREA_PX: u32 = 3;
 /// Longest box side over the shorter: a ball at 30 m/s across 2 ms of exposure is a streak of two
 /// diameters, a line or a racket handle is longer.
 const MAX_ASPECT: u32 = 4;
+
+/// Nearer to the edge of the frame the filter's box reaches beyond it.
+const EDGE_PX: u32 = 2;
 
 /// The candidates of a strip. None are reported while the background `is_learning`.
 #[must_use]
@@ -27,7 +30,8 @@ pub fn from_blobs(blobs: &[Blob], strip: Strip, is_learning: bool) -> StripCandi
     let mut n = 0;
     let own = strip.own();
     let is_own = |blob: &&Blob| own.contains(&blob.y_min.midpoint(blob.y_max));
-    for blob in blobs.iter().filter(is_own).filter(|blob| is_ball_like(blob)) {
+    let is_candidate = |blob: &&Blob| is_ball_like(blob) && is_inside(blob, strip);
+    for blob in blobs.iter().filter(is_own).filter(is_candidate) {
         let candidate = from_blob(blob);
         let kept = &mut message.candidates[..n];
         let rank = kept.partition_point(|other| by_worth(other, &candidate) == Ordering::Less);
@@ -54,6 +58,14 @@ fn is_ball_like(blob: &Blob) -> bool {
     let (width_px, height_px) = box_of(blob);
     let (short_px, long_px) = (width_px.min(height_px), width_px.max(height_px));
     blob.n_px >= MIN_AREA_PX && long_px <= MAX_BALL_PX && long_px <= MAX_ASPECT * short_px
+}
+
+/// A ball cut by the edge of the frame has its centre elsewhere; it pulls the start of a flight.
+fn is_inside(blob: &Blob, strip: Strip) -> bool {
+    blob.x_min >= EDGE_PX
+        && blob.y_min >= EDGE_PX
+        && blob.x_max + EDGE_PX < strip.width_px()
+        && blob.y_max + EDGE_PX < strip.height_px()
 }
 
 fn from_blob(blob: &Blob) -> Candidate {
@@ -104,9 +116,18 @@ mod tests {
     }
 
     #[test]
+    fn what_the_edge_of_the_frame_cuts_is_not_reported() {
+        let cut = [square(1, 50, 5), square(50, 1, 5), square(634, 50, 5), square(50, 474, 5)];
+        assert_eq!(from_blobs(&cut, whole(), false).n_candidates, 0);
+        let inside = [square(2, 2, 5), square(633, 473, 5)];
+        assert_eq!(from_blobs(&inside, whole(), false).n_candidates, 2);
+    }
+
+    #[test]
     fn the_largest_are_kept_and_the_rest_are_counted() {
-        let blobs: Vec<Blob> =
-            (0..100).map(|k| square((k % 10) * 64, (k / 10) * 40, 2 + (k * 7) % 30)).collect();
+        let blobs: Vec<Blob> = (0..100)
+            .map(|k| square((k % 10) * 60 + 5, (k / 10) * 40 + 5, 2 + (k * 7) % 30))
+            .collect();
         let message = from_blobs(&blobs, whole(), false);
         assert_eq!((message.spots().len(), message.n_dropped), (MAX_CANDIDATES, 36));
         let mut areas: Vec<f32> = blobs.iter().map(|blob| blob.n_px as f32).collect();

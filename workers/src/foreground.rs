@@ -9,8 +9,8 @@
 //!
 //! Eq 16 as printed squares I-μ_new, which settles 7 % below the true variance; the mixed product
 //! is the exact weighted variance. A pixel is foreground when |I-μ_old| > k max(σ, floor): without
-//! the floor a quiet pixel's σ goes to zero and one grey level is foreground. Frames of the learning
-//! phase weigh equally (ρ = 1/n), so that the model means something when it is over.
+//! the floor a quiet pixel's σ goes to zero and one grey level is foreground. Frames of the
+//! learning phase weigh equally (ρ = 1/n), so that the model means something when it is over.
 //!
 //! A pixel is *new* when it is foreground now and was not `look_back` frames ago (the thesis' S3).
 //!
@@ -34,10 +34,10 @@ pub struct Background {
     pub n_learning: u32,
 }
 
-impl Default for Background {
-    fn default() -> Self {
-        Self { learning_rate: 1.0 / 256.0, sigma_threshold: 3.0, sigma_floor: 2.0, n_learning: 30 }
-    }
+impl Background {
+    /// What holds unless something else is said.
+    pub const DEFAULT: Self =
+        Self { learning_rate: 1.0 / 256.0, sigma_threshold: 3.0, sigma_floor: 2.0, n_learning: 30 };
 }
 
 /// The background of a strip, and the last masks for looking back.
@@ -125,7 +125,7 @@ mod tests {
     const SIZE_PX: (u32, u32) = (16, 8);
 
     fn foreground(look_back: usize) -> Foreground {
-        Foreground::new(Strip::new(0, 1, SIZE_PX), Settings { look_back, ..Settings::default() })
+        Foreground::new(Strip::new(0, 1, SIZE_PX), Settings { look_back, ..Settings::DEFAULT })
     }
 
     fn noisy(rng: &mut ChaCha8Rng) -> Vec<u8> {

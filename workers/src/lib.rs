@@ -2,7 +2,7 @@
 //!
 //! Read in this order: [`strip`] says which rows of a frame are a worker's own, [`foreground`]
 //! which pixels differ from the background and are new, [`filtered`] which of them have company,
-//! [`blobs`] joins them, [`candidates`] keeps what could be a ball. [`Worker::update`] is the chain.
+//! [`blobs`] joins them, [`candidates`] keeps what could be a ball; [`Worker::update`] is all.
 //!
 //! The candidates of a frame are the same, bit for bit, for every number of workers: nothing here
 //! depends on anything but a pixel, its neighbours within the halo, and its own past.
@@ -33,10 +33,9 @@ pub struct Settings {
     pub look_back: usize,
 }
 
-impl Default for Settings {
-    fn default() -> Self {
-        Self { background: Background::default(), look_back: 4 }
-    }
+impl Settings {
+    /// What holds unless something else is said.
+    pub const DEFAULT: Self = Self { background: Background::DEFAULT, look_back: 4 };
 }
 
 /// One worker's state: the background of its rows and its scratch memory.
@@ -111,9 +110,8 @@ mod tests {
     fn found_with(n: u32, seed: u64) -> (Vec<Vec<Candidate>>, u32) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let size_px = (WIDTH_PX, HEIGHT_PX);
-        let mut workers: Vec<Worker> = (0..n)
-            .map(|idx| Worker::new(Strip::new(idx, n, size_px), Settings::default()))
-            .collect();
+        let mut workers: Vec<Worker> =
+            (0..n).map(|idx| Worker::new(Strip::new(idx, n, size_px), Settings::DEFAULT)).collect();
         let mut found = Vec::new();
         let mut n_dropped = 0;
         for frame_idx in 0..60 {

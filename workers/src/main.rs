@@ -1,14 +1,16 @@
 //! `worker`: frames of one camera in, the candidates of one strip out.
 
 use clap::Parser;
-use rustix::time::{ClockId, clock_gettime};
 use shm_layout::services::{Domain, Place};
+use shm_layout::stamp::now_ns;
 use shm_layout::stop::Stop;
-use shm_layout::{Camera, FrameInfo, MAX_STRIPS, StampNs};
+use shm_layout::{Camera, FrameInfo, N_STRIPS_RANGE};
 use std::process::ExitCode;
 use workers::foreground::Background;
 use workers::strip::Strip;
 use workers::{Settings, Worker};
+
+const DEFAULT: Settings = Settings::DEFAULT;
 
 /// Finds ball candidates in one strip of every frame of a camera.
 #[derive(Debug, Parser)]
@@ -24,22 +26,22 @@ struct Flags {
     #[arg(long, default_value_t = 0)]
     strip: u32,
     /// How many workers share a frame.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_STRIPS)))]
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
     of: u32,
     /// A pixel is new if it was not foreground this many frames ago; 0: differencing off.
-    #[arg(long, default_value_t = Settings::default().look_back, value_parser = look_back_from_text)]
+    #[arg(long, default_value_t = DEFAULT.look_back, value_parser = look_back_from_text)]
     look_back_frames: usize,
     /// Weight of a new frame in the background.
-    #[arg(long, default_value_t = Background::default().learning_rate, value_parser = rate_from_text)]
+    #[arg(long, default_value_t = DEFAULT.background.learning_rate, value_parser = rate_from_text)]
     learning_rate: f32,
     /// Foreground differs from the background by more than this many sigma.
-    #[arg(long, default_value_t = Background::default().sigma_threshold, value_parser = sigma_from_text)]
+    #[arg(long, default_value_t = DEFAULT.background.sigma_threshold, value_parser = sigma)]
     sigma_threshold: f32,
     /// Smallest sigma of a pixel believed, grey levels.
-    #[arg(long, default_value_t = Background::default().sigma_floor, value_parser = sigma_from_text)]
+    #[arg(long, default_value_t = DEFAULT.background.sigma_floor, value_parser = sigma)]
     sigma_floor: f32,
     /// Frames learned before candidates are reported.
-    #[arg(long, default_value_t = Background::default().n_learning)]
+    #[arg(long, default_value_t = DEFAULT.background.n_learning)]
     learning_frames: u32,
     /// End when the process that started this one has ended.
     #[arg(long)]
@@ -52,13 +54,11 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let flags = Flags::parse();
-    match Stop::run(flags.with_parent, |stop| run(&flags, stop)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("worker {} {}/{}: {e:#}", flags.camera, flags.strip, flags.of);
-            ExitCode::FAILURE
-        }
-    }
+    Stop::run(
+        format_args!("worker {} {}/{}", flags.camera, flags.strip, flags.of),
+        flags.with_parent,
+        |stop| run(&flags, stop),
+    )
 }
 
 fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
@@ -81,7 +81,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     let mut current: Option<(FrameInfo, Worker)> = None;
     while !stop.is_raised() {
         while let Some(frame) = frames.receive()? {
-            let started_ns = monotonic_ns();
+            let started_ns = now_ns();
             let info = *frame.user_header();
             if !info_fits(&info, frame.payload().len()) {
                 tracing::warn!(?info, n_bytes = frame.payload().len(), "frame refused");
@@ -97,7 +97,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
             };
             let mut message = worker.update(&info, frame.payload());
             message.started_ns = started_ns;
-            message.finished_ns = monotonic_ns();
+            message.finished_ns = now_ns();
             candidates.send(message)?;
         }
         alarm.wait()?;
@@ -115,11 +115,6 @@ fn is_same_recording(before: &FrameInfo, info: &FrameInfo) -> bool {
     identity(before) == identity(info)
 }
 
-fn monotonic_ns() -> StampNs {
-    let now = clock_gettime(ClockId::Monotonic);
-    now.tv_sec * 1_000_000_000 + now.tv_nsec
-}
-
 fn number_from_text(text: &str, least: f32, most: f32) -> Result<f32, String> {
     let expected = || format!("expected {least} to {most}, got {text:?}");
     let number: f32 = text.parse().map_err(|_| expected())?;
@@ -130,7 +125,7 @@ fn rate_from_text(text: &str) -> Result<f32, String> {
     number_from_text(text, 0.0, 1.0)
 }
 
-fn sigma_from_text(text: &str) -> Result<f32, String> {
+fn sigma(text: &str) -> Result<f32, String> {
     number_from_text(text, 0.1, 100.0)
 }
 

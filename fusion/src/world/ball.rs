@@ -9,7 +9,7 @@
 //! it. Spin is not known here and left out: over the 0.1 s a prediction looks ahead it moves a ball
 //! 2-4 cm.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 /// Acceleration of gravity, m/s² (standard 9.80665; the thesis uses 9.81).
 pub const GRAVITY_M_S2: f64 = 9.81;
@@ -64,6 +64,9 @@ pub struct Physics {
     pub ball: Ball,
     /// Gravity in the tracking frame; zero if that is not known to be level (no court).
     pub gravity_m_s2: Vector3<f64>,
+    /// What the air does beyond drag, chiefly lift of a spinning ball: acceleration per speed
+    /// squared, along the velocity, upwards across it, and level to its right. Zero if not known.
+    pub excess_per_m: [f64; 3],
     /// 1 sigma of what is left out, each axis: spin, another ball, wind; without a court, gravity.
     pub unknown_m_s2: f64,
 }
@@ -78,10 +81,31 @@ pub struct State {
 }
 
 impl Physics {
-    /// Gravity and drag at this velocity.
+    /// Gravity, drag and excess at this velocity.
     #[must_use]
     pub fn acceleration_m_s2(&self, velocity_m_s: &Vector3<f64>) -> Vector3<f64> {
-        self.gravity_m_s2 - velocity_m_s * (velocity_m_s.norm() * self.ball.drag_per_m())
+        let drag = -velocity_m_s * (velocity_m_s.norm() * self.ball.drag_per_m());
+        if self.excess_per_m == [0.0; 3] {
+            return self.gravity_m_s2 + drag;
+        }
+        let [along, across, right] = self.excess_per_m;
+        let axes = flight_axes(velocity_m_s);
+        let excess = axes * Vector3::new(along, across, right) * velocity_m_s.norm_squared();
+        self.gravity_m_s2 + drag + excess
+    }
+
+    /// The same flight with the excess that explains this acceleration at this velocity.
+    #[must_use]
+    pub fn explaining(
+        mut self,
+        acceleration_m_s2: &Vector3<f64>,
+        velocity_m_s: &Vector3<f64>,
+    ) -> Self {
+        self.excess_per_m = [0.0; 3];
+        let missing_m_s2 = acceleration_m_s2 - self.acceleration_m_s2(velocity_m_s);
+        let excess = flight_axes(velocity_m_s).transpose() * missing_m_s2;
+        self.excess_per_m = (excess / velocity_m_s.norm_squared()).into();
+        self
     }
 
     /// The state `dt_s` later (earlier if negative), by Runge-Kutta 4.
@@ -106,13 +130,26 @@ impl Physics {
     }
 }
 
+/// Columns: along the velocity, upwards across it, level to its right. They turn with the ball, as
+/// lift does. A ball that goes straight up has no right; any level direction is then as good.
+fn flight_axes(velocity_m_s: &Vector3<f64>) -> Matrix3<f64> {
+    let along = velocity_m_s.try_normalize(1e-9).unwrap_or_else(Vector3::y);
+    let right = along.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or_else(Vector3::x);
+    Matrix3::from_columns(&[along, right.cross(&along), right])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn physics() -> Physics {
         let gravity_m_s2 = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
-        Physics { ball: Ball::default(), gravity_m_s2, unknown_m_s2: SPIN_SIGMA_M_S2 }
+        Physics {
+            ball: Ball::default(),
+            gravity_m_s2,
+            excess_per_m: [0.0; 3],
+            unknown_m_s2: SPIN_SIGMA_M_S2,
+        }
     }
 
     #[test]
@@ -143,5 +180,20 @@ mod tests {
     fn drag_is_that_of_the_cross_section() {
         // rho A / 2m = 0.0356 /m for a 66 mm ball of 57.7 g, times C_D.
         assert!((Ball::default().drag_per_m() - 0.0356 * DRAG_COEFFICIENT).abs() < 2e-4);
+    }
+
+    #[test]
+    fn an_explained_acceleration_comes_back_and_lift_turns_with_the_ball() {
+        let velocity = Vector3::new(1.0, 14.0, -6.0);
+        let acceleration = Vector3::new(0.5, -6.0, -7.5);
+        let explained = physics().explaining(&acceleration, &velocity);
+        assert!((explained.acceleration_m_s2(&velocity) - acceleration).norm() < 1e-12);
+        let mut lifted = physics();
+        lifted.excess_per_m = [0.0, 0.01, 0.0];
+        for velocity in [Vector3::new(0.0, 20.0, 8.0), Vector3::new(3.0, 10.0, -9.0)] {
+            let lift = lifted.acceleration_m_s2(&velocity) - physics().acceleration_m_s2(&velocity);
+            assert!(lift.dot(&velocity).abs() < 1e-9 && lift.z > 0.0);
+            assert!((lift.norm() - 0.01 * velocity.norm_squared()).abs() < 1e-9);
+        }
     }
 }

@@ -198,7 +198,7 @@ impl Rig {
             Mounting::Court { .. } => (Vector3::new(0.0, 0.0, -GRAVITY_M_S2), SPIN_SIGMA_M_S2),
             Mounting::Stereo { .. } => (Vector3::zeros(), SPIN_SIGMA_M_S2 + GRAVITY_M_S2),
         };
-        Physics { ball: self.ball, gravity_m_s2, unknown_m_s2 }
+        Physics { ball: self.ball, gravity_m_s2, excess_per_m: [0.0; 3], unknown_m_s2 }
     }
 }
 

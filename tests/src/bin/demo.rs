@@ -5,7 +5,7 @@ use anyhow::Context as _;
 use clap::Parser;
 use shm_layout::services::{Domain, Place};
 use shm_layout::stop::Stop;
-use shm_layout::{Camera, MAX_STRIPS, Shot};
+use shm_layout::{Camera, N_STRIPS_RANGE, Shot};
 use std::ffi::OsString;
 use std::process::{ExitCode, Stdio};
 use std::time::{Duration, Instant};
@@ -31,7 +31,7 @@ struct Flags {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Workers of each board.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_STRIPS)))]
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
     workers: u32,
 }
 

@@ -1,7 +1,8 @@
 //! Plays a scenario on a court that is not there.
 //!
-//! `simulate --write DIR` writes a shot folder for `track`, `--still FILE` one picture, `--live` plays
-//! into shared memory in place of both captures, `--time` says how long a frame takes. Data to files, words to stderr.
+//! `simulate --write DIR` writes a shot folder for `track`, `--still FILE` one picture, `--live`
+//! plays into shared memory in place of both captures, `--time` says how long a frame takes. Data
+//! to files, words to stderr.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -3,7 +3,7 @@
 use anyhow::Context as _;
 use clap::Parser;
 use shm_layout::stop::Stop;
-use shm_layout::{Camera, MAX_STRIPS};
+use shm_layout::{Camera, N_STRIPS_RANGE};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{ExitCode, Stdio};
@@ -27,7 +27,7 @@ struct Flags {
     #[arg(long, value_name = "DIR")]
     candidates: Option<PathBuf>,
     /// Workers of each board.
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_STRIPS)))]
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
     workers: u32,
     /// Play at the speed of the recording instead of as fast as nothing is lost.
     #[arg(long)]
