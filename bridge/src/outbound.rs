@@ -1,8 +1,8 @@
 //! A board's shared memory → batches → network.
 //!
 //! Two threads: one empties shared memory (whose queues overwrite their oldest), the other
-//! publishes and may be held up by the network. Between them stands a bounded queue that drops its oldest
-//! batch; as batches are numbered before they enter it, the far end sees the hole.
+//! publishes and may be held up by the network. Between them stands a bounded queue that drops its
+//! oldest batch; as batches are numbered before they enter it, the far end sees the hole.
 
 use crate::session::{self, End};
 use crate::wire::{self, Batch, MAX_MESSAGES, Message};

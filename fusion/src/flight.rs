@@ -44,7 +44,10 @@ pub const TRACK_WINDOW_S: f64 = 0.4;
 /// What an arc over [`BOUNCE_WINDOW_S`] may be off by at the bounce, along the flight.
 pub const MODEL_SIGMA_M: f64 = 0.01;
 
-/// A ball turns this near the ground: 0.1 s of a fall at 6 m/s, should those frames be lost.
+/// A ball falls and rises at this speed around a bounce.
+const TURN_RATE_M_S: f64 = 6.0;
+
+/// A ball that turns is seen this near the ground, or as near as the gap around its turn lets it.
 const TURN_HEIGHT_MAX_M: f64 = 0.6;
 
 /// Least vertical speed before and after a bounce; slower is rolling, or noise.
@@ -187,9 +190,10 @@ fn first_turn(points: &[Point]) -> Option<usize> {
         let before = Fall::from_points(&points[i.saturating_sub(N_TURN_POINTS)..i]);
         let after = Fall::from_points(&points[i..n.min(i + N_TURN_POINTS)]);
         let height_m = points[i - 1].position_m.z.min(points[i].position_m.z);
+        let gap_s = seconds_between(points[i - 1].t_ns, points[i].t_ns);
         before.speed_at(points[i - 1].t_ns) < -TURN_SPEED_MIN_M_S
             && after.speed_at(points[i].t_ns) > TURN_SPEED_MIN_M_S
-            && height_m < TURN_HEIGHT_MAX_M
+            && height_m < TURN_HEIGHT_MAX_M.max(TURN_RATE_M_S * gap_s)
     };
     let places = N_TURN_POINTS_MIN..(n + 1).saturating_sub(N_TURN_POINTS_MIN);
     let first = places.clone().find(is_turn)?;
@@ -300,6 +304,18 @@ mod tests {
         assert!((bounce.velocity_in_m_s - truth.velocity_in_m_s).norm() < 0.2);
         let out = bounce.velocity_out_m_s.unwrap();
         assert!((out - truth.velocity_out_m_s.unwrap()).norm() < 0.2);
+    }
+
+    #[test]
+    fn a_bounce_in_a_gap_of_a_third_of_a_second_is_found() {
+        let points = pretend::bouncing_points();
+        let bounce = Flight::from_path(&points, true, physics()).bounce(0.033).unwrap();
+        let is_seen = |point: &&Point| seconds_between(bounce.t_ns, point.t_ns).abs() > 0.16;
+        let seen: Vec<Point> = points.iter().filter(is_seen).cloned().collect();
+        assert!(seen.len() + 20 < points.len(), "the bounce is not in the points");
+        let guessed = Flight::from_path(&seen, true, physics()).bounce(0.033).unwrap();
+        let off_m = (guessed.position_m - bounce.position_m).norm();
+        assert!(off_m < 3.0 * guessed.covariance_m2[1][1].sqrt(), "{off_m} m");
     }
 
     #[test]
