@@ -79,6 +79,16 @@ fn ten_simulated_shots_are_measured_within_25_cm() {
     assert!(worst_m < MAX_ERROR_M, "{errors_m:?}");
 }
 
+#[test]
+fn the_demo_measures_what_it_serves() {
+    let _turn = turn();
+    let demo = Command::new(env!("CARGO_BIN_EXE_demo")).args(["--shots", "2"]).output().unwrap();
+    let said = String::from_utf8_lossy(&demo.stdout);
+    println!("{said}");
+    assert!(demo.status.success(), "{}", words(&demo));
+    assert!(said.contains("2 of 2 shots measured"), "{said}");
+}
+
 /// A python3 of one's own need not see Debian's numpy.
 fn python_with_numpy() -> &'static str {
     let has_numpy = |python: &&str| {
