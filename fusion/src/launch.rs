@@ -50,7 +50,7 @@ pub struct Direction {
 }
 
 /// The arc in its middle, flown back; None if it does not pass the launcher. The covariance is that
-/// of the arc carried back itself, and of [`MODEL_SIGMA_M_S2`].
+/// of the arc carried back itself, and of what the model leaves out.
 #[must_use]
 pub fn from_arc(arc: &Arc, first_ns: StampNs, rig: &Rig) -> Option<Launch> {
     let middle = arc.state_at(arc.middle_ns());
