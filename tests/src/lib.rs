@@ -8,6 +8,9 @@
 //! [`background`]; balls ([`spot`], [`ball_image`]) and sensor [`noise`] on it, with
 //! [`swaying_trees`] on a windy day, make the frames ([`renderer`]), and those a [`shot_folder`].
 //!
+//! [`player`] plays a scenario into shared memory, [`processes`] and [`chain`] start the real
+//! binaries. [`labels`], [`evaluation`] and [`overlay`] say and show how well balls are found.
+//!
 //! Deliberately absent: any code shared with the estimator. Physics and projection are written
 //! anew here, so that both can only agree by both being right.
 #![forbid(unsafe_code)]
@@ -52,3 +55,9 @@ pub mod player;
 pub mod processes;
 
 pub mod chain;
+
+pub mod labels;
+
+pub mod evaluation;
+
+pub mod overlay;

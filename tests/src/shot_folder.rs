@@ -1,4 +1,4 @@
-//! Scenario, truth -> a shot folder on disk: videos, stamps, rig.toml, truth.
+//! Scenario, truth -> a shot folder on disk: videos, stamps, labels, rig.toml, truth.
 //!
 //! The folder is what `track` reads; its files are described in the project's formats. Both cameras
 //! are rendered at the same time, one thread each. Here degrees, km/h and rpm may appear:
@@ -12,7 +12,8 @@ use std::thread;
 use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 
-use crate::camera::{self, Side};
+use crate::camera::{self, Camera, Side};
+use crate::labels::{self, Label, Labels};
 use crate::renderer::Renderer;
 use crate::scenario::Scenario;
 use crate::truth::{Flight, Truth};
@@ -55,15 +56,32 @@ fn write_camera(
     let (rate, per) = ratio_from_rate(scenario.frame_rate_hz);
     writeln!(video, "YUV4MPEG2 W{width} H{height} F{rate}:{per} Ip A1:1 Cmono")?;
     let mut luma = vec![0; width * height];
+    let mut labels = Labels::new();
     for frame_idx in 0..n_frames {
-        renderer.render_into(frame_idx, scenario.exposed_at_s(side, frame_idx), &mut luma);
+        let exposed_at_s = scenario.exposed_at_s(side, frame_idx);
+        let label = label_at(truth, renderer.camera(), exposed_at_s);
+        labels.extend(label.map(|label| (frame_idx as usize, label)));
+        renderer.render_into(frame_idx, exposed_at_s, &mut luma);
         video.write_all(b"FRAME\n")?;
         video.write_all(&luma)?;
         writeln!(stamps, "{}", scenario.stamp_ns(side, frame_idx))?;
         progress(frame_idx + 1);
     }
+    let file = File::create(directory.join(format!("{}.labels.csv", side.name())))?;
+    labels::to_csv(&labels, BufWriter::new(file)).map_err(io::Error::other)?;
     video.flush()?;
     stamps.flush()
+}
+
+/// Where the ball's centre is seen in a frame; `None` when it is not in the picture.
+fn label_at(truth: &Truth, camera: &Camera, first_row_at_s: f64) -> Option<Label> {
+    let seen_at = |at_s: f64| camera.pixel_from_court(&truth.position_in_court_m(at_s)?);
+    // Its row says when it was exposed; a ball moves a fraction of a row meanwhile.
+    let row_px = seen_at(first_row_at_s)?.y;
+    let pixel = seen_at(camera.row_exposed_at_s(first_row_at_s, row_px))?;
+    let is_inside = |at_px: f64, n_px: usize| (0.0..=(n_px - 1) as f64).contains(&at_px);
+    let is_seen = is_inside(pixel.x, camera.width_px) && is_inside(pixel.y, camera.height_px);
+    is_seen.then_some(Label { x_px: pixel.x, y_px: pixel.y, is_hard: false })
 }
 
 /// A frame rate as a fraction, to a thousandth.

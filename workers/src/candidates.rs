@@ -1,13 +1,11 @@
 //! Blobs → candidates: whole ones, of a size and shape a ball can have, largest first.
 
 use crate::blobs::Blob;
-use crate::filtered::SHIFT_PX;
+use crate::method::Method;
 use crate::strip::{MAX_BALL_PX, Strip};
 use shm_layout::{Candidate, MAX_CANDIDATES, StripCandidates};
 use std::cmp::Ordering;
 
-/// The thesis' test 5: more than two pixels after the filter.
-const MIN_AREA_PX: u32 = 3;
 /// Longest box side over the shorter: a ball at 30 m/s across 2 ms of exposure is a streak of two
 /// diameters, a line or a racket handle is longer.
 const MAX_ASPECT: u32 = 4;
@@ -17,7 +15,12 @@ const EDGE_PX: u32 = 2;
 
 /// The candidates of a strip. None are reported while the background `is_learning`.
 #[must_use]
-pub fn from_blobs(blobs: &[Blob], strip: Strip, is_learning: bool) -> StripCandidates {
+pub fn from_blobs(
+    blobs: &[Blob],
+    strip: Strip,
+    method: &Method,
+    is_learning: bool,
+) -> StripCandidates {
     let mut message = StripCandidates {
         strip_idx: strip.idx(),
         n_strips: strip.n(),
@@ -30,9 +33,11 @@ pub fn from_blobs(blobs: &[Blob], strip: Strip, is_learning: bool) -> StripCandi
     let mut n = 0;
     let own = strip.own();
     let is_own = |blob: &&Blob| own.contains(&blob.y_min.midpoint(blob.y_max));
-    let is_candidate = |blob: &&Blob| is_ball_like(blob) && is_inside(blob, strip);
+    let is_candidate = |blob: &&Blob| {
+        blob.n_px >= method.min_area_px && is_ball_like(blob) && is_inside(blob, strip)
+    };
     for blob in blobs.iter().filter(is_own).filter(is_candidate) {
-        let candidate = from_blob(blob);
+        let candidate = from_blob(blob, method);
         let kept = &mut message.candidates[..n];
         let rank = kept.partition_point(|other| by_worth(other, &candidate) == Ordering::Less);
         if n < MAX_CANDIDATES {
@@ -57,7 +62,7 @@ pub(crate) fn by_worth(a: &Candidate, b: &Candidate) -> Ordering {
 fn is_ball_like(blob: &Blob) -> bool {
     let (width_px, height_px) = box_of(blob);
     let (short_px, long_px) = (width_px.min(height_px), width_px.max(height_px));
-    blob.n_px >= MIN_AREA_PX && long_px <= MAX_BALL_PX && long_px <= MAX_ASPECT * short_px
+    long_px <= MAX_BALL_PX && long_px <= MAX_ASPECT * short_px
 }
 
 /// A ball cut by the edge of the frame has its centre elsewhere; it pulls the start of a flight.
@@ -68,12 +73,12 @@ fn is_inside(blob: &Blob, strip: Strip) -> bool {
         && blob.y_max + EDGE_PX < strip.height_px()
 }
 
-fn from_blob(blob: &Blob) -> Candidate {
+fn from_blob(blob: &Blob, method: &Method) -> Candidate {
     let (width_px, height_px) = box_of(blob);
     let mean = |sum: u64| (sum as f64 / f64::from(blob.n_px)) as f32;
     Candidate {
-        x_px: mean(blob.x_sum) - SHIFT_PX,
-        y_px: mean(blob.y_sum) - SHIFT_PX,
+        x_px: mean(blob.x_sum) - method.shift_px(),
+        y_px: mean(blob.y_sum) - method.shift_px(),
         width_px: width_px as f32,
         height_px: height_px as f32,
         area_px: blob.n_px as f32,
@@ -109,7 +114,7 @@ mod tests {
     fn size_and_shape_are_bounded() {
         let line = Blob { x_max: 100, n_px: 91, ..square(10, 10, 1) };
         let blobs = [square(5, 5, 1), square(20, 20, 3), square(100, 100, 65), line];
-        let message = from_blobs(&blobs, whole(), false);
+        let message = from_blobs(&blobs, whole(), &Method::TEST_5, false);
         assert_eq!(message.spots().len(), 1);
         let spot = message.spots()[0];
         assert_eq!((spot.x_px, spot.y_px, spot.area_px), (20.5, 20.5, 9.0));
@@ -118,9 +123,9 @@ mod tests {
     #[test]
     fn what_the_edge_of_the_frame_cuts_is_not_reported() {
         let cut = [square(1, 50, 5), square(50, 1, 5), square(634, 50, 5), square(50, 474, 5)];
-        assert_eq!(from_blobs(&cut, whole(), false).n_candidates, 0);
+        assert_eq!(from_blobs(&cut, whole(), &Method::TEST_5, false).n_candidates, 0);
         let inside = [square(2, 2, 5), square(633, 473, 5)];
-        assert_eq!(from_blobs(&inside, whole(), false).n_candidates, 2);
+        assert_eq!(from_blobs(&inside, whole(), &Method::TEST_5, false).n_candidates, 2);
     }
 
     #[test]
@@ -128,7 +133,7 @@ mod tests {
         let blobs: Vec<Blob> = (0..100)
             .map(|k| square((k % 10) * 60 + 5, (k / 10) * 40 + 5, 2 + (k * 7) % 30))
             .collect();
-        let message = from_blobs(&blobs, whole(), false);
+        let message = from_blobs(&blobs, whole(), &Method::TEST_5, false);
         assert_eq!((message.spots().len(), message.n_dropped), (MAX_CANDIDATES, 36));
         let mut areas: Vec<f32> = blobs.iter().map(|blob| blob.n_px as f32).collect();
         areas.sort_by(|a, b| b.total_cmp(a));
@@ -138,7 +143,7 @@ mod tests {
 
     #[test]
     fn nothing_is_reported_while_learning() {
-        let message = from_blobs(&[square(20, 20, 5)], whole(), true);
+        let message = from_blobs(&[square(20, 20, 5)], whole(), &Method::TEST_5, true);
         assert_eq!((message.n_candidates, message.is_learning), (0, 1));
     }
 }

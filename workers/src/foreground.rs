@@ -56,14 +56,15 @@ pub struct Foreground {
 impl Foreground {
     /// A background that has learned nothing.
     #[must_use]
-    pub fn new(strip: Strip, settings: Settings) -> Self {
+    pub fn new(strip: Strip, settings: &Settings) -> Self {
         let n_px = strip.learned().len() * strip.width_px() as usize;
+        let look_back = if settings.method.is_differenced { settings.look_back } else { 0 };
         Self {
             settings: settings.background,
             strip,
             mean: vec![0.0; n_px],
             variance: vec![0.0; n_px],
-            past: vec![vec![0; n_px]; settings.look_back],
+            past: vec![vec![0; n_px]; look_back],
             is_new: vec![0; n_px],
             n_frames: 0,
         }
@@ -125,7 +126,7 @@ mod tests {
     const SIZE_PX: (u32, u32) = (16, 8);
 
     fn foreground(look_back: usize) -> Foreground {
-        Foreground::new(Strip::new(0, 1, SIZE_PX), Settings { look_back, ..Settings::DEFAULT })
+        Foreground::new(Strip::new(0, 1, SIZE_PX), &Settings { look_back, ..Settings::DEFAULT })
     }
 
     fn noisy(rng: &mut ChaCha8Rng) -> Vec<u8> {

@@ -7,6 +7,7 @@ use shm_layout::stop::Stop;
 use shm_layout::{Camera, FrameInfo, N_STRIPS_RANGE};
 use std::process::ExitCode;
 use workers::foreground::Background;
+use workers::method::Method;
 use workers::strip::Strip;
 use workers::{Settings, Worker};
 
@@ -28,6 +29,9 @@ struct Flags {
     /// How many workers share a frame.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
     of: u32,
+    /// How balls are found: test-1 to test-7 are the rows of the thesis' Table 1.
+    #[arg(long, default_value = DEFAULT.method.name, value_parser = Method::from_name)]
+    method: Method,
     /// A pixel is new if it was not foreground this many frames ago; 0: differencing off.
     #[arg(long, default_value_t = DEFAULT.look_back, value_parser = look_back_from_text)]
     look_back_frames: usize,
@@ -64,6 +68,7 @@ fn main() -> ExitCode {
 fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     anyhow::ensure!(flags.strip < flags.of, "--strip {} of {}", flags.strip, flags.of);
     let settings = Settings {
+        method: flags.method.clone(),
         background: Background {
             learning_rate: flags.learning_rate,
             sigma_threshold: flags.sigma_threshold,
@@ -92,7 +97,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
                 slot => {
                     // Another camera mode or run: its background is not ours.
                     let strip = Strip::new(flags.strip, flags.of, (info.width_px, info.height_px));
-                    &mut slot.insert((info, Worker::new(strip, settings))).1
+                    &mut slot.insert((info, Worker::new(strip, &settings))).1
                 }
             };
             let mut message = worker.update(&info, frame.payload());

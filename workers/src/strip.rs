@@ -13,6 +13,7 @@
 //! A blob cut by the edge of the halo reaches to that edge, so its middle lies outside the own rows
 //! unless it is higher than any ball. Hence strips agree with a single worker, bit for bit.
 
+use crate::method::REACH_PX;
 use std::ops::Range;
 
 /// Tallest and widest box of a ball: at 1240 px focal length 6.6 cm are 64 px at 1.3 m.
@@ -76,19 +77,18 @@ impl Strip {
     /// The rows blobs are joined in: the own ones and the halo.
     #[must_use]
     pub fn seen(self) -> Range<u32> {
-        self.grown_by(HALO_PX, HALO_PX)
+        self.grown_by(HALO_PX)
     }
 
     /// The rows whose background is kept: those seen and what the filter needs around them.
     #[must_use]
     pub fn learned(self) -> Range<u32> {
-        use crate::filtered::{REACH_DOWN_PX, REACH_UP_PX};
-        self.grown_by(HALO_PX + REACH_UP_PX, HALO_PX + REACH_DOWN_PX)
+        self.grown_by(HALO_PX + REACH_PX)
     }
 
-    fn grown_by(self, up_px: u32, down_px: u32) -> Range<u32> {
+    fn grown_by(self, rows_px: u32) -> Range<u32> {
         let own = self.own();
-        own.start.saturating_sub(up_px)..(own.end + down_px).min(self.height_px)
+        own.start.saturating_sub(rows_px)..(own.end + rows_px).min(self.height_px)
     }
 }
 

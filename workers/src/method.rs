@@ -1,0 +1,186 @@
+//! The ways of finding balls that can be asked for by name.
+//!
+//! All seven configurations of the thesis' Table 1 (section 6.4). Each says whether foreground must
+//! be new, what is done to the mask, and how large a blob must be. A filter is a sequence of
+//! [`Stage`]s; erosion, dilation and the low-pass filter on a binary mask are all the same thing, a
+//! count of ones in a window, so one kernel serves them all.
+//!
+//! OpenCV anchors a kernel of even side right and below its middle, which moves what it filters by
+//! half a pixel a stage; `shift_px` is what is taken off again where a centre is reported.
+
+use std::ops::RangeInclusive;
+
+/// A window around a pixel, columns and rows relative to it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Window {
+    /// Columns.
+    pub columns: RangeInclusive<i32>,
+    /// Rows.
+    pub rows: RangeInclusive<i32>,
+}
+
+const fn window(columns: RangeInclusive<i32>, rows: RangeInclusive<i32>) -> Window {
+    Window { columns, rows }
+}
+
+/// One pass over the mask.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Stage {
+    /// Kept where at least so many pixels of the window are set: a mean over a threshold.
+    AtLeast(u8, Window),
+    /// Kept where all pixels of all windows are set: erosion by the union of the windows.
+    All(&'static [Window]),
+    /// Kept where any pixel of any window is set: dilation by the union of the windows.
+    Any(&'static [Window]),
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Method {
+    /// What to ask for it by.
+    pub name: &'static str,
+    /// Whether a foreground pixel must be new.
+    pub is_differenced: bool,
+    /// What is done to the mask.
+    pub stages: &'static [Stage],
+    /// Least pixels of a blob: "ball size > 5 px" is 6.
+    pub min_area_px: u32,
+    /// How far the stages move what they filter, right and down, in halves of a pixel.
+    pub shift_half_px: u8,
+}
+
+const BOX_4: Window = window(-2..=1, -2..=1);
+const BOX_5: Window = window(-2..=2, -2..=2);
+/// OpenCV's 2x2 kernel.
+const BOX_2: [Window; 1] = [window(-1..=0, -1..=0)];
+const CROSS_3: [Window; 2] = [window(-1..=1, 0..=0), window(0..=0, -1..=1)];
+/// OpenCV's MORPH_ELLIPSE of 5x5.
+const CIRCLE_5: [Window; 2] = [window(-2..=2, -1..=1), window(0..=0, -2..=2)];
+
+/// Farthest row, up or down, that any method's stages look at together.
+pub const REACH_PX: u32 = 4;
+
+/// A mean of 255s and 0s over `threshold` needs 25 * 174 / 255 = 17.06, so 18, and so on.
+const fn count_over(threshold: u32, n_px: u32) -> u8 {
+    (threshold * n_px / 255 + 1) as u8
+}
+
+/// Table 1, in its order.
+pub const TABLE_1: [Method; 7] = [
+    Method { name: "test-1", is_differenced: false, stages: &[], min_area_px: 6, shift_half_px: 0 },
+    Method { name: "test-2", is_differenced: true, stages: &[], min_area_px: 6, shift_half_px: 0 },
+    Method {
+        name: "test-3",
+        is_differenced: true,
+        stages: &[Stage::AtLeast(count_over(174, 25), BOX_5)],
+        min_area_px: 5,
+        shift_half_px: 0,
+    },
+    Method {
+        name: "test-4",
+        is_differenced: true,
+        stages: &[Stage::AtLeast(count_over(174, 16), BOX_4)],
+        min_area_px: 5,
+        shift_half_px: 1,
+    },
+    Method {
+        name: "test-5",
+        is_differenced: true,
+        stages: &[Stage::AtLeast(count_over(150, 16), BOX_4)],
+        min_area_px: 3,
+        shift_half_px: 1,
+    },
+    Method {
+        name: "test-6",
+        is_differenced: true,
+        stages: &[Stage::Any(&CROSS_3), Stage::All(&CROSS_3), Stage::All(&CIRCLE_5)],
+        min_area_px: 2,
+        shift_half_px: 0,
+    },
+    Method {
+        name: "test-7",
+        is_differenced: true,
+        stages: &[Stage::All(&BOX_2), Stage::Any(&BOX_2)],
+        min_area_px: 7,
+        shift_half_px: 2,
+    },
+];
+
+impl Method {
+    /// The thesis' choice and, for now, the default.
+    pub const TEST_5: Self = TABLE_1[4].copied();
+
+    /// The method of this name.
+    ///
+    /// # Errors
+    /// When there is none; the text lists those there are.
+    pub fn from_name(name: &str) -> Result<Self, String> {
+        TABLE_1.into_iter().find(|method| method.name == name).ok_or_else(|| {
+            let names: Vec<&str> = TABLE_1.iter().map(|method| method.name).collect();
+            format!("expected one of {}, got {name:?}", names.join(", "))
+        })
+    }
+
+    /// How far the stages move what they filter, right and down.
+    #[must_use]
+    pub fn shift_px(&self) -> f32 {
+        f32::from(self.shift_half_px) / 2.0
+    }
+
+    const fn copied(&self) -> Self {
+        Self {
+            name: self.name,
+            is_differenced: self.is_differenced,
+            stages: self.stages,
+            min_area_px: self.min_area_px,
+            shift_half_px: self.shift_half_px,
+        }
+    }
+}
+
+impl Stage {
+    /// The windows looked at.
+    #[must_use]
+    pub fn windows(&self) -> &[Window] {
+        match self {
+            Self::AtLeast(_, window) => std::slice::from_ref(window),
+            Self::All(windows) | Self::Any(windows) => windows,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_low_pass_thresholds_are_those_of_the_table() {
+        let counts: Vec<u8> = TABLE_1
+            .iter()
+            .flat_map(|method| method.stages)
+            .filter_map(|stage| match stage {
+                Stage::AtLeast(count, _) => Some(*count),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(counts, [18, 11, 10]);
+    }
+
+    #[test]
+    fn no_method_reaches_farther_than_it_says() {
+        for method in TABLE_1 {
+            let reach = |of: fn(&Window) -> i32| {
+                let of_stage = |stage: &Stage| stage.windows().iter().map(of).max().unwrap_or(0);
+                method.stages.iter().map(of_stage).sum::<i32>() as u32
+            };
+            assert!(reach(|w| -w.rows.start()) <= REACH_PX, "{}", method.name);
+            assert!(reach(|w| *w.rows.end()) <= REACH_PX, "{}", method.name);
+        }
+    }
+
+    #[test]
+    fn methods_are_found_by_name() {
+        assert_eq!(Method::from_name("test-5"), Ok(Method::TEST_5));
+        assert!(Method::from_name("best").unwrap_err().contains("test-1, test-2"));
+    }
+}
