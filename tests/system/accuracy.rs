@@ -150,7 +150,7 @@ fn most_visible_balls_of_a_real_clip_are_among_the_candidates() {
         easy.len(),
         share * 100.0
     );
-    assert!(share > 0.5, "{share}");
+    assert!(share > 0.75, "{share}");
 }
 
 /// Candidates by frame of the clip; those of the empty frames played first are left out.

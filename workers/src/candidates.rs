@@ -2,6 +2,7 @@
 
 use crate::blobs::Blob;
 use crate::method::Method;
+use crate::response::{Response, Spot};
 use crate::strip::{MAX_BALL_PX, Strip};
 use shm_layout::{Candidate, MAX_CANDIDATES, StripCandidates};
 use std::cmp::Ordering;
@@ -20,6 +21,7 @@ pub fn from_blobs(
     strip: Strip,
     method: &Method,
     is_learning: bool,
+    response: Option<&Response>,
 ) -> StripCandidates {
     let mut message = StripCandidates {
         strip_idx: strip.idx(),
@@ -37,7 +39,11 @@ pub fn from_blobs(
         blob.n_px >= method.min_area_px && is_ball_like(blob) && is_inside(blob, strip)
     };
     for blob in blobs.iter().filter(is_own).filter(is_candidate) {
-        let candidate = from_blob(blob, method);
+        let candidate = match response {
+            Some(response) => response.spot(blob).and_then(|spot| from_spot(&spot, method)),
+            None => Some(from_blob(blob, method)),
+        };
+        let Some(candidate) = candidate else { continue };
         let kept = &mut message.candidates[..n];
         let rank = kept.partition_point(|other| by_worth(other, &candidate) == Ordering::Less);
         if n < MAX_CANDIDATES {
@@ -85,6 +91,19 @@ fn from_blob(blob: &Blob, method: &Method) -> Candidate {
     }
 }
 
+fn from_spot(spot: &Spot, method: &Method) -> Option<Candidate> {
+    let [width_px, height_px] = spot.size_px.map(|side_px| side_px as f32);
+    let [x_px, y_px] = spot.center_px;
+    let area_px = spot.n_px as f32;
+    (spot.n_px >= method.min_area_px).then_some(Candidate {
+        x_px,
+        y_px,
+        width_px,
+        height_px,
+        area_px,
+    })
+}
+
 fn box_of(blob: &Blob) -> (u32, u32) {
     (blob.x_max - blob.x_min + 1, blob.y_max - blob.y_min + 1)
 }
@@ -114,7 +133,7 @@ mod tests {
     fn size_and_shape_are_bounded() {
         let line = Blob { x_max: 100, n_px: 91, ..square(10, 10, 1) };
         let blobs = [square(5, 5, 1), square(20, 20, 3), square(100, 100, 65), line];
-        let message = from_blobs(&blobs, whole(), &Method::TEST_5, false);
+        let message = from_blobs(&blobs, whole(), &Method::TEST_5, false, None);
         assert_eq!(message.spots().len(), 1);
         let spot = message.spots()[0];
         assert_eq!((spot.x_px, spot.y_px, spot.area_px), (20.5, 20.5, 9.0));
@@ -123,9 +142,9 @@ mod tests {
     #[test]
     fn what_the_edge_of_the_frame_cuts_is_not_reported() {
         let cut = [square(1, 50, 5), square(50, 1, 5), square(634, 50, 5), square(50, 474, 5)];
-        assert_eq!(from_blobs(&cut, whole(), &Method::TEST_5, false).n_candidates, 0);
+        assert_eq!(from_blobs(&cut, whole(), &Method::TEST_5, false, None).n_candidates, 0);
         let inside = [square(2, 2, 5), square(633, 473, 5)];
-        assert_eq!(from_blobs(&inside, whole(), &Method::TEST_5, false).n_candidates, 2);
+        assert_eq!(from_blobs(&inside, whole(), &Method::TEST_5, false, None).n_candidates, 2);
     }
 
     #[test]
@@ -133,7 +152,7 @@ mod tests {
         let blobs: Vec<Blob> = (0..100)
             .map(|k| square((k % 10) * 60 + 5, (k / 10) * 40 + 5, 2 + (k * 7) % 30))
             .collect();
-        let message = from_blobs(&blobs, whole(), &Method::TEST_5, false);
+        let message = from_blobs(&blobs, whole(), &Method::TEST_5, false, None);
         assert_eq!((message.spots().len(), message.n_dropped), (MAX_CANDIDATES, 36));
         let mut areas: Vec<f32> = blobs.iter().map(|blob| blob.n_px as f32).collect();
         areas.sort_by(|a, b| b.total_cmp(a));
@@ -143,7 +162,7 @@ mod tests {
 
     #[test]
     fn nothing_is_reported_while_learning() {
-        let message = from_blobs(&[square(20, 20, 5)], whole(), &Method::TEST_5, true);
+        let message = from_blobs(&[square(20, 20, 5)], whole(), &Method::TEST_5, true, None);
         assert_eq!((message.n_candidates, message.is_learning), (0, 1));
     }
 }

@@ -1,7 +1,7 @@
 //! Foreground → filtered: the stages of a [`Method`] applied to the mask, one after another.
 //!
-//! Beyond the frame the mask is 0. Each stage is a count of ones in small windows: columns are added
-//! up row by row, then neighbours along the row.
+//! Beyond the frame the mask is 0. Each stage is a count of ones in small windows: columns are
+//! added up row by row, then neighbours along the row.
 //!
 //! Cost: for one 4x4 window two running sums of bytes per pixel, about 0.1 ms for 640x480.
 

@@ -38,6 +38,23 @@ impl Background {
     /// What holds unless something else is said.
     pub const DEFAULT: Self =
         Self { learning_rate: 1.0 / 256.0, sigma_threshold: 3.0, sigma_floor: 2.0, n_learning: 30 };
+
+    /// Weight of frame `n_frames`, counted from 1. Equal weights while learning. Afterwards ρ at
+    /// once: a ball that stands on a pixel for five frames would otherwise raise that pixel's σ
+    /// until it is foreground no more.
+    pub(crate) fn rate(&self, n_frames: u64) -> f32 {
+        let is_learning = n_frames <= u64::from(self.n_learning);
+        if is_learning { 1.0 / n_frames as f32 } else { self.learning_rate }
+    }
+}
+
+/// Updates a pixel's Gaussian (Eq 15, 16) and says how far it was from the mean before.
+#[inline]
+pub(crate) fn learned(level: u8, mean: &mut f32, variance: &mut f32, rate: f32) -> f32 {
+    let difference = f32::from(level) - *mean;
+    *mean += rate * difference;
+    *variance = (1.0 - rate) * (*variance + rate * difference * difference);
+    difference
 }
 
 /// The background of a strip, and the last masks for looking back.
@@ -82,25 +99,17 @@ impl Foreground {
         let width_px = self.strip.width_px() as usize;
         let rows = self.strip.learned();
         let luma = &luma[rows.start as usize * width_px..rows.end as usize * width_px];
-        let rate = self.rate();
+        let rate = self.settings.rate(self.n_frames);
         let threshold2 = self.settings.sigma_threshold.powi(2);
         let floor2 = self.settings.sigma_floor.powi(2);
 
         let pixels = luma.iter().zip(&mut self.mean).zip(&mut self.variance).zip(&mut self.is_new);
         for (((&level, mean), variance), is_foreground) in pixels {
-            let difference = f32::from(level) - *mean;
-            let is_far = difference * difference > threshold2 * variance.max(floor2);
-            *is_foreground = u8::from(is_far);
-            *mean += rate * difference;
-            *variance = (1.0 - rate) * (*variance + rate * difference * difference);
+            let noise2 = variance.max(floor2);
+            let difference = learned(level, mean, variance, rate);
+            *is_foreground = u8::from(difference * difference > threshold2 * noise2);
         }
         self.keep_new()
-    }
-
-    /// Equal weights while learning. Afterwards ρ at once: a ball that stands on a pixel for five
-    /// frames would otherwise raise that pixel's σ until it is foreground no more.
-    fn rate(&self) -> f32 {
-        if self.is_learning() { 1.0 / self.n_frames as f32 } else { self.settings.learning_rate }
     }
 
     /// Turns the mask of foreground into that of new foreground, remembering the former.

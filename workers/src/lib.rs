@@ -1,9 +1,10 @@
-//! Room 2: frame → foreground → filtered → blobs → candidates.
+//! Room 2: frame → response → blobs → candidates.
 //!
-//! Read in this order: [`strip`] says which rows of a frame are a worker's own, [`foreground`]
-//! which pixels differ from the background and are new, [`filtered`] which of them have company (the
-//! filters have names: [`method`]),
-//! [`blobs`] joins them, [`candidates`] keeps what could be a ball; [`Worker::update`] is all.
+//! Read in this order: [`strip`] says which rows of a frame are a worker's own, [`foreground`] how
+//! the background is learned, [`response`] where something the size of a ball stands out of it and
+//! is new; [`blobs`] joins pixels, [`candidates`] keeps what could be a ball, and
+//! [`Worker::update`] is all. The thesis' methods take [`foreground`] pixels and what [`filtered`] leaves of them in
+//! place of the response; [`method`] has their names.
 //!
 //! The candidates of a frame are the same, bit for bit, for every number of workers: nothing here
 //! depends on anything but a pixel, its neighbours within the halo, and its own past.
@@ -16,12 +17,14 @@ pub mod candidates;
 pub mod filtered;
 pub mod foreground;
 pub mod method;
+pub mod response;
 pub mod strip;
 
 use blobs::Blobs;
 use filtered::Filtered;
 use foreground::{Background, Foreground};
 use method::Method;
+use response::Response;
 use shm_layout::{FrameInfo, StripCandidates};
 use strip::Strip;
 
@@ -41,7 +44,7 @@ pub struct Settings {
 impl Settings {
     /// What holds unless something else is said.
     pub const DEFAULT: Self =
-        Self { method: Method::TEST_5, background: Background::DEFAULT, look_back: 4 };
+        Self { method: method::MATCHED, background: Background::DEFAULT, look_back: 4 };
 }
 
 /// One worker's state: the background of its rows and its scratch memory.
@@ -49,9 +52,15 @@ impl Settings {
 pub struct Worker {
     strip: Strip,
     method: Method,
-    foreground: Foreground,
-    filtered: Filtered,
+    eye: Eye,
     blobs: Blobs,
+}
+
+/// What turns a frame into a mask.
+#[derive(Debug)]
+enum Eye {
+    Mask(Foreground, Filtered),
+    Response(Response),
 }
 
 impl Worker {
@@ -61,8 +70,13 @@ impl Worker {
         Self {
             strip,
             method: settings.method.clone(),
-            foreground: Foreground::new(strip, settings),
-            filtered: Filtered::new(strip, settings.method.clone()),
+            eye: match settings.method.response_sigma {
+                Some(threshold) => Eye::Response(Response::new(strip, threshold, settings)),
+                None => Eye::Mask(
+                    Foreground::new(strip, settings),
+                    Filtered::new(strip, settings.method.clone()),
+                ),
+            },
             blobs: Blobs::new(strip),
         }
     }
@@ -74,11 +88,18 @@ impl Worker {
     pub fn update(&mut self, info: &FrameInfo, luma: &[u8]) -> StripCandidates {
         let (width_px, height_px) = (self.strip.width_px() as usize, self.strip.height_px());
         assert_eq!(luma.len(), width_px * height_px as usize, "one frame");
-        let is_new_foreground = self.foreground.update(luma);
-        let is_kept = self.filtered.update(is_new_foreground);
-        let blobs = self.blobs.update(is_kept);
-        let mut message =
-            candidates::from_blobs(blobs, self.strip, &self.method, self.foreground.is_learning());
+        let mut message = match &mut self.eye {
+            Eye::Mask(foreground, filtered) => {
+                let blobs = self.blobs.update(filtered.update(foreground.update(luma)));
+                let is_learning = foreground.is_learning();
+                candidates::from_blobs(blobs, self.strip, &self.method, is_learning, None)
+            }
+            Eye::Response(response) => {
+                let blobs = self.blobs.update(response.update(luma));
+                let is_learning = response.is_learning();
+                candidates::from_blobs(blobs, self.strip, &self.method, is_learning, Some(response))
+            }
+        };
         message.recording_id = info.recording_id;
         message.camera_idx = info.camera_idx;
         message.frame_idx = info.frame_idx;
@@ -115,8 +136,8 @@ mod tests {
         luma
     }
 
-    /// What [`Worker`]s of `n` strips find in the same frames: the largest, as fusion keeps them, and
-    /// how many were left out.
+    /// What [`Worker`]s of `n` strips find in the same frames: the largest, as fusion keeps them,
+    /// and how many were left out.
     fn found_with(settings: &Settings, n: u32, seed: u64) -> (Vec<Vec<Candidate>>, u32) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let size_px = (WIDTH_PX, HEIGHT_PX);
@@ -143,7 +164,7 @@ mod tests {
 
     #[test]
     fn candidates_are_the_same_bits_for_every_number_of_strips() {
-        for (seed, method) in method::TABLE_1.into_iter().enumerate() {
+        for (seed, method) in method::all().into_iter().enumerate() {
             let settings = Settings { method, ..Settings::DEFAULT };
             let found_with = |n| found_with(&settings, n, seed as u64);
             let alone = found_with(1);

@@ -29,7 +29,7 @@ struct Flags {
     /// How many workers share a frame.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
     of: u32,
-    /// How balls are found: test-1 to test-7 are the rows of the thesis' Table 1.
+    /// How balls are found: matched, or test-1 to test-7, the rows of the thesis' Table 1.
     #[arg(long, default_value = DEFAULT.method.name, value_parser = Method::from_name)]
     method: Method,
     /// A pixel is new if it was not foreground this many frames ago; 0: differencing off.
@@ -38,7 +38,7 @@ struct Flags {
     /// Weight of a new frame in the background.
     #[arg(long, default_value_t = DEFAULT.background.learning_rate, value_parser = rate_from_text)]
     learning_rate: f32,
-    /// Foreground differs from the background by more than this many sigma.
+    /// Foreground differs from the background by more than this many sigma (test-1 to test-7).
     #[arg(long, default_value_t = DEFAULT.background.sigma_threshold, value_parser = sigma)]
     sigma_threshold: f32,
     /// Smallest sigma of a pixel believed, grey levels.

@@ -1,6 +1,5 @@
-//! The ways of finding balls that can be asked for by name.
-//!
-//! All seven configurations of the thesis' Table 1 (section 6.4). Each says whether foreground must
+//! The ways of finding balls that can be asked for by name: the seven configurations of the thesis'
+//! Table 1 (section 6.4), and [`MATCHED`], which is the default. Each says whether foreground must
 //! be new, what is done to the mask, and how large a blob must be. A filter is a sequence of
 //! [`Stage`]s; erosion, dilation and the low-pass filter on a binary mask are all the same thing, a
 //! count of ones in a window, so one kernel serves them all.
@@ -35,12 +34,14 @@ pub enum Stage {
 }
 
 /// A row of the table.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Method {
     /// What to ask for it by.
     pub name: &'static str,
     /// Whether a foreground pixel must be new.
     pub is_differenced: bool,
+    /// Found by the [`crate::response`] over this many σ, in place of a mask of foreground.
+    pub response_sigma: Option<f32>,
     /// What is done to the mask.
     pub stages: &'static [Stage],
     /// Least pixels of a blob: "ball size > 5 px" is 6.
@@ -67,11 +68,26 @@ const fn count_over(threshold: u32, n_px: u32) -> u8 {
 
 /// Table 1, in its order.
 pub const TABLE_1: [Method; 7] = [
-    Method { name: "test-1", is_differenced: false, stages: &[], min_area_px: 6, shift_half_px: 0 },
-    Method { name: "test-2", is_differenced: true, stages: &[], min_area_px: 6, shift_half_px: 0 },
+    Method {
+        name: "test-1",
+        is_differenced: false,
+        response_sigma: None,
+        stages: &[],
+        min_area_px: 6,
+        shift_half_px: 0,
+    },
+    Method {
+        name: "test-2",
+        is_differenced: true,
+        response_sigma: None,
+        stages: &[],
+        min_area_px: 6,
+        shift_half_px: 0,
+    },
     Method {
         name: "test-3",
         is_differenced: true,
+        response_sigma: None,
         stages: &[Stage::AtLeast(count_over(174, 25), BOX_5)],
         min_area_px: 5,
         shift_half_px: 0,
@@ -79,6 +95,7 @@ pub const TABLE_1: [Method; 7] = [
     Method {
         name: "test-4",
         is_differenced: true,
+        response_sigma: None,
         stages: &[Stage::AtLeast(count_over(174, 16), BOX_4)],
         min_area_px: 5,
         shift_half_px: 1,
@@ -86,6 +103,7 @@ pub const TABLE_1: [Method; 7] = [
     Method {
         name: "test-5",
         is_differenced: true,
+        response_sigma: None,
         stages: &[Stage::AtLeast(count_over(150, 16), BOX_4)],
         min_area_px: 3,
         shift_half_px: 1,
@@ -93,6 +111,7 @@ pub const TABLE_1: [Method; 7] = [
     Method {
         name: "test-6",
         is_differenced: true,
+        response_sigma: None,
         stages: &[Stage::Any(&CROSS_3), Stage::All(&CROSS_3), Stage::All(&CIRCLE_5)],
         min_area_px: 2,
         shift_half_px: 0,
@@ -100,14 +119,34 @@ pub const TABLE_1: [Method; 7] = [
     Method {
         name: "test-7",
         is_differenced: true,
+        response_sigma: None,
         stages: &[Stage::All(&BOX_2), Stage::Any(&BOX_2)],
         min_area_px: 7,
         shift_half_px: 2,
     },
 ];
 
+/// A matched filter instead of a mask, with centres from grey levels: [`crate::response`].
+///
+/// 7 σ: on the clip `amateur-grass` 7, 8 and 10 find 84, 82 and 75 % of the easy balls at 4, 3 and 2
+/// false candidates a frame; on simulated courts all find 99 to 100 % at 0.1 to 0.3.
+pub const MATCHED: Method = Method {
+    name: "matched",
+    is_differenced: true,
+    response_sigma: Some(7.0),
+    stages: &[],
+    min_area_px: 4,
+    shift_half_px: 0,
+};
+
+/// All methods that have a name.
+#[must_use]
+pub fn all() -> Vec<Method> {
+    TABLE_1.into_iter().chain([MATCHED]).collect()
+}
+
 impl Method {
-    /// The thesis' choice and, for now, the default.
+    /// The thesis' choice.
     pub const TEST_5: Self = TABLE_1[4].copied();
 
     /// The method of this name.
@@ -115,8 +154,8 @@ impl Method {
     /// # Errors
     /// When there is none; the text lists those there are.
     pub fn from_name(name: &str) -> Result<Self, String> {
-        TABLE_1.into_iter().find(|method| method.name == name).ok_or_else(|| {
-            let names: Vec<&str> = TABLE_1.iter().map(|method| method.name).collect();
+        all().into_iter().find(|method| method.name == name).ok_or_else(|| {
+            let names: Vec<&str> = all().iter().map(|method| method.name).collect();
             format!("expected one of {}, got {name:?}", names.join(", "))
         })
     }
@@ -131,6 +170,7 @@ impl Method {
         Self {
             name: self.name,
             is_differenced: self.is_differenced,
+            response_sigma: self.response_sigma,
             stages: self.stages,
             min_area_px: self.min_area_px,
             shift_half_px: self.shift_half_px,

@@ -11,7 +11,7 @@ use tests::evaluation::{self, Evaluation, Score};
 use tests::labels::{self, Labels};
 use tests::overlay::{Overlay, Still};
 use workers::Settings;
-use workers::method::{Method, TABLE_1};
+use workers::method::{self, Method};
 
 /// Most bytes of a clip held in memory, so that every method sees the same.
 const MAX_CLIP_BYTES: usize = 4 << 30;
@@ -158,7 +158,7 @@ impl Clip {
 
 fn methods_from_text(text: &str) -> anyhow::Result<Vec<Method>> {
     if text == "all" {
-        return Ok(TABLE_1.to_vec());
+        return Ok(method::all());
     }
     text.split(',').map(|name| Method::from_name(name).map_err(anyhow::Error::msg)).collect()
 }
