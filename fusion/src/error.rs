@@ -60,3 +60,35 @@ pub enum Error {
         expected: &'static str,
     },
 }
+
+impl Error {
+    /// The line of `text`, a `rig.toml`, whose value is refused; 1 is the first. Syntax errors name
+    /// theirs themselves, and what is missing has none.
+    #[must_use]
+    pub fn rig_line(&self, text: &str) -> Option<usize> {
+        let Self::RigValue { field, .. } = self else { return None };
+        let (table, key) = field.split_once('.')?;
+        let is_table = |line: &str| line.trim_start().starts_with(&format!("[{table}]"));
+        let is_key = |line: &str| line.split('=').next().is_some_and(|name| name.trim() == key);
+        let lines = || text.lines().enumerate();
+        let (table_idx, _) = lines().find(|(_, line)| is_table(line))?;
+        lines().skip(table_idx + 1).find(|(_, line)| is_key(line)).map(|(idx, _)| idx + 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::world::rig::Rig;
+
+    #[test]
+    fn a_refused_value_is_found_in_its_own_table() {
+        let text = crate::pretend::REFERENCE_RIG;
+        let focal = "focal_px            = [1240.0, 1240.0]";
+        let (left, right) = text.split_at(text.find("[right]").unwrap());
+        let spoiled = format!("{left}{}", right.replace(focal, "focal_px = [-1.0, 1240.0]"));
+        let expected = spoiled.lines().position(|line| line.contains("[-1.0")).unwrap() + 1;
+        let error = spoiled.parse::<Rig>().unwrap_err();
+        assert_eq!(error.rig_line(&spoiled), Some(expected), "{error}");
+        assert_eq!("[left".parse::<Rig>().unwrap_err().rig_line("[left"), None);
+    }
+}

@@ -88,6 +88,8 @@ fn a_spoiled_rig_is_refused_with_its_place() {
         &["rig.toml", "line 2", "expected `]`"],
     );
     check("no table", good.path(), with("[right]", "[wrong]"), &["rig.toml", "right"]);
+    let mirror = with("focal_px            = [1240.0,", "focal_px            = [-1240.0,");
+    check("no focal length", good.path(), mirror, &["rig.toml", "line", "focal_px", "-1240"]);
     let small = with("[640, 480]", "[1280, 720]");
     check("other images", good.path(), small, &["640x480", "1280x720", "left"]);
 }

@@ -3,8 +3,8 @@
 //! Read in this order: [`strip`] says which rows of a frame are a worker's own, [`foreground`] how
 //! the background is learned, [`response`] where something the size of a ball stands out of it and
 //! is new; [`blobs`] joins pixels, [`candidates`] keeps what could be a ball, and
-//! [`Worker::update`] is all. The thesis' methods take [`foreground`] pixels and what [`filtered`] leaves of them in
-//! place of the response; [`method`] has their names.
+//! [`Worker::update`] is all. The thesis' methods take [`foreground`] pixels and what [`filtered`]
+//! leaves of them in place of the response; [`method`] has their names.
 //!
 //! The candidates of a frame are the same, bit for bit, for every number of workers: nothing here
 //! depends on anything but a pixel, its neighbours within the halo, and its own past.

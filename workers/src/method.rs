@@ -128,8 +128,8 @@ pub const TABLE_1: [Method; 7] = [
 
 /// A matched filter instead of a mask, with centres from grey levels: [`crate::response`].
 ///
-/// 7 σ: on the clip `amateur-grass` 7, 8 and 10 find 84, 82 and 75 % of the easy balls at 4, 3 and 2
-/// false candidates a frame; on simulated courts all find 99 to 100 % at 0.1 to 0.3.
+/// 7 σ: on the clip `amateur-grass` 7, 8 and 10 find 84, 82 and 75 % of the easy balls at 4, 3 and
+/// 2 false candidates a frame; on simulated courts all find 99 to 100 % at 0.1 to 0.3.
 pub const MATCHED: Method = Method {
     name: "matched",
     is_differenced: true,
