@@ -32,7 +32,7 @@ struct Flags {
     /// How balls are found: matched, or test-1 to test-7, the rows of the thesis' Table 1.
     #[arg(long, default_value = DEFAULT.method.name, value_parser = Method::from_name)]
     method: Method,
-    /// A pixel is new if it was not foreground this many frames ago; 0: differencing off.
+    /// New is what was not there this many frames ago; 0 (test-1 to test-7): all foreground is new.
     #[arg(long, default_value_t = DEFAULT.look_back, value_parser = look_back_from_text)]
     look_back_frames: usize,
     /// Weight of a new frame in the background.
