@@ -39,7 +39,7 @@ const RING_SHARE_MAX: f32 = 0.15;
 
 // Else a strip would not know the ring of a blob at the edge of its halo, and the answer would
 // depend on the number of workers.
-const _: () = assert!(1 + RING_PX <= crate::method::REACH_PX);
+const _: () = assert!(RING_PX < crate::method::REACH_PX);
 
 /// The background of a strip, and what the last frame differed from it.
 #[derive(Debug)]
