@@ -16,13 +16,13 @@ use bincode::{Decode, Encode};
 use shm_layout::{Camera, Candidate, FrameInfo, MAX_CANDIDATES, MAX_STRIPS, StripCandidates};
 
 /// Version of this file's layout; the two ends must agree.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 
 /// Most messages in a batch: at 90 frames/s with 8 workers, 9 are written in 11 ms.
 pub const MAX_MESSAGES: usize = 64;
 
-/// Most bytes of a batch; one message is at most 1.4 kB.
-pub const MAX_BYTES: usize = 128 * 1024;
+/// Most bytes of a batch; one message is at most 3.4 kB.
+pub const MAX_BYTES: usize = 256 * 1024;
 const _: () = assert!(MAX_MESSAGES * (16 + size_of::<StripCandidates>()) <= MAX_BYTES);
 
 /// What a board sends at once.
@@ -103,7 +103,7 @@ struct WireCandidates {
     n_dropped: u32,
     is_learning: bool,
     camera_idx: u32,
-    spots: Vec<[f32; 5]>,
+    spots: Vec<[f32; 13]>,
 }
 
 fn configuration() -> impl bincode::config::Config {
@@ -179,11 +179,7 @@ fn wire_from_message(message: &Message) -> WireMessage {
             n_dropped: strip.n_dropped,
             is_learning: strip.is_learning != 0,
             camera_idx: strip.camera_idx,
-            spots: strip
-                .spots()
-                .iter()
-                .map(|s| [s.x_px, s.y_px, s.width_px, s.height_px, s.area_px])
-                .collect(),
+            spots: strip.spots().iter().map(Candidate::to_array).collect(),
         }),
     }
 }
@@ -234,10 +230,8 @@ fn strip_from_wire(wire: &WireCandidates) -> StripCandidates {
         camera_idx: wire.camera_idx,
         ..StripCandidates::default()
     };
-    for (slot, &[x_px, y_px, width_px, height_px, area_px]) in
-        strip.candidates.iter_mut().zip(&wire.spots)
-    {
-        *slot = Candidate { x_px, y_px, width_px, height_px, area_px };
+    for (slot, fields) in strip.candidates.iter_mut().zip(&wire.spots) {
+        *slot = Candidate::from_array(*fields);
     }
     strip
 }
@@ -265,7 +259,7 @@ mod tests {
     }
 
     fn any_strip() -> impl Strategy<Value = Message> {
-        let spots = prop::collection::vec(prop::array::uniform5(-1e4_f32..1e4), 0..=64);
+        let spots = prop::collection::vec(prop::array::uniform13(-1e4_f32..1e4), 0..=64);
         (any::<[u64; 2]>(), any::<[i64; 4]>(), 0..8_u32, any::<u32>(), any::<bool>(), spots)
             .prop_map(|(ids, stamps, strip_idx, n_dropped, is_learning, spots)| {
                 Message::Candidates(Box::new(strip_from_wire(&WireCandidates {

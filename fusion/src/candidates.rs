@@ -4,7 +4,7 @@
 //! strips and frames, twice, or never. [`Gather`] waits for all strips of a frame and hands frames
 //! out in increasing `frame_idx`. A missing frame holds the others up until [`N_AHEAD`] later ones
 //! are complete; then it is lost. The result is the same for every number of strips: the
-//! [`MAX_CANDIDATES`] largest spots, in the order of their rows.
+//! [`MAX_CANDIDATES`] best spots, in the order of their rows.
 
 use shm_layout::{Candidate, MAX_CANDIDATES, MAX_STRIPS, StampNs, StripCandidates};
 use std::collections::BTreeMap;
@@ -34,16 +34,12 @@ pub struct FrameCandidates {
 }
 
 impl FrameCandidates {
-    /// Keeps the [`MAX_CANDIDATES`] largest spots (ties: upper, then left first), in row order, and
-    /// counts the others.
+    /// Keeps the [`MAX_CANDIDATES`] best spots, in row order, and counts the others.
     pub fn settle(&mut self) {
-        let by_place = |a: &Candidate, b: &Candidate| {
-            a.y_px.total_cmp(&b.y_px).then(a.x_px.total_cmp(&b.x_px))
-        };
-        self.spots.sort_by(|a, b| b.area_px.total_cmp(&a.area_px).then(by_place(a, b)));
+        self.spots.sort_by(Candidate::by_worth);
         self.n_dropped += self.spots.len().saturating_sub(MAX_CANDIDATES) as u64;
         self.spots.truncate(MAX_CANDIDATES);
-        self.spots.sort_by(by_place);
+        self.spots.sort_by(Candidate::by_place);
     }
 }
 

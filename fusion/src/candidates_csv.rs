@@ -131,13 +131,7 @@ impl Columns {
             .field(t)
             .parse()
             .map_err(|_| row.refused(t, "t_ns", "a whole number of nanoseconds"))?;
-        let mut spot = Candidate {
-            x_px: row.number(x, "x_px")?,
-            y_px: row.number(y, "y_px")?,
-            width_px: f32::NAN,
-            height_px: f32::NAN,
-            area_px: f32::NAN,
-        };
+        let mut spot = Candidate::at(row.number(x, "x_px")?, row.number(y, "y_px")?);
         if let Some([width, height, area]) = self.size {
             spot.width_px = row.size(width, SIZE_COLUMNS[0])?;
             spot.height_px = row.size(height, SIZE_COLUMNS[1])?;

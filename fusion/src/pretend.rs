@@ -252,12 +252,12 @@ pub fn seen(
 
 fn false_spot(rng: &mut impl Rng) -> Candidate {
     let size_px = rng.random_range(2.0..9.0_f32);
+    let (x_px, y_px) = (rng.random_range(0.0..639.0), rng.random_range(0.0..479.0));
     Candidate {
-        x_px: rng.random_range(0.0..639.0),
-        y_px: rng.random_range(0.0..479.0),
         width_px: size_px,
         height_px: size_px,
         area_px: size_px * size_px * 0.8,
+        ..Candidate::at(x_px, y_px)
     }
 }
 
@@ -276,5 +276,5 @@ fn ball_spot(
     let size_px = (1240.0 * 2.0 * RADIUS_M / ball_in_court.y) as f32;
     let [width_px, height_px] = [0, 1].map(|_| size_px + rng.random_range(-0.6..0.6_f32));
     let area_px = width_px * height_px * 0.8;
-    is_inside.then_some(Candidate { x_px, y_px, width_px, height_px, area_px })
+    is_inside.then_some(Candidate { width_px, height_px, area_px, ..Candidate::at(x_px, y_px) })
 }

@@ -126,7 +126,7 @@ pub fn text_from(scores: &[Score]) -> String {
 mod tests {
     use super::*;
     use crate::labels::Label;
-    use workers::method::Method;
+    use workers::method::TABLE_1;
 
     /// A bright square of 6 px that moves 4 px a frame over a flat background, in frames 40 to 59.
     fn frame(frame_idx: usize) -> (Vec<u8>, Option<Label>) {
@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn what_is_found_missed_and_false_is_counted() {
         let labels: Labels = (0..60).filter_map(|k| Some((k, frame(k).1?))).collect();
-        let settings = Settings { method: Method::TEST_5, ..Settings::DEFAULT };
+        let settings = Settings { method: TABLE_1[4].clone(), ..Settings::DEFAULT };
         let mut evaluation = Evaluation::new((160, 40), &settings);
         for frame_idx in 0..60 {
             evaluation.update(frame_idx, &frame(frame_idx).0, &labels);

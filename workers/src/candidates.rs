@@ -1,9 +1,11 @@
-//! Blobs → candidates: whole ones, of a size and shape a ball can have, largest first.
+//! Blobs → candidates: whole ones, of a size and shape a ball can have, best first.
 
 use crate::blobs::Blob;
-use crate::method::Method;
-use crate::response::{Response, Spot};
-use crate::strip::{MAX_BALL_PX, Strip};
+use crate::disc::{self, Disc};
+use crate::method::Mask;
+use crate::response::Response;
+use crate::spot::{self, Spot};
+use crate::strip::{DUPLICATE_PX, MAX_BALL_PX, Strip};
 use shm_layout::{Candidate, MAX_CANDIDATES, StripCandidates};
 use std::cmp::Ordering;
 
@@ -14,38 +16,42 @@ const MAX_ASPECT: u32 = 4;
 /// Nearer to the edge of the frame the filter's box reaches beyond it.
 const EDGE_PX: u32 = 2;
 
-/// The candidates of a strip. None are reported while the background `is_learning`.
-#[must_use]
-pub fn from_blobs(
-    blobs: &[Blob],
-    strip: Strip,
-    method: &Method,
-    is_learning: bool,
-    response: Option<&Response>,
-) -> StripCandidates {
-    let mut message = StripCandidates {
-        strip_idx: strip.idx(),
-        n_strips: strip.n(),
-        is_learning: u32::from(is_learning),
-        ..StripCandidates::default()
-    };
-    if is_learning {
-        return message;
-    }
-    let mut n = 0;
-    let own = strip.own();
-    let is_own = |blob: &&Blob| own.contains(&blob.y_min.midpoint(blob.y_max));
-    let is_candidate = |blob: &&Blob| {
-        blob.n_px >= method.min_area_px && is_ball_like(blob) && is_inside(blob, strip)
-    };
-    for blob in blobs.iter().filter(is_own).filter(is_candidate) {
-        let candidate = match response {
-            Some(response) => response.spot(blob).and_then(|spot| from_spot(&spot, method)),
-            None => Some(from_blob(blob, method)),
-        };
-        let Some(candidate) = candidate else { continue };
-        let kept = &mut message.candidates[..n];
-        let rank = kept.partition_point(|other| by_worth(other, &candidate) == Ordering::Less);
+/// Least pixels of a spot.
+const MIN_AREA_PX: u32 = 3;
+
+/// A ball is a disc: it explains at least this part of what is seen around it, and more in a crowd.
+const EXPLAINED_MIN: f32 = 0.65;
+const EXPLAINED_IN_CROWD: f32 = 0.1;
+
+/// 1-sigma of the middle of a mask, px, and as a part of the diameter: what the sun pulls.
+const MASK_SIGMA: (f32, f32) = (0.3, 0.05);
+
+/// A streak is one when it is this much longer than wide.
+const STRETCH_MIN: f32 = 1.3;
+const STRETCH_MAX: f32 = 4.0;
+
+/// So much less must a ball lit from below cost than one lit from above.
+const OTHER_SIDE_COST_MAX: f32 = 0.4;
+
+/// A streak must explain this much more than a ball lit from one side.
+const STREAK_COST_MAX: f32 = 0.3;
+
+/// A pixel's own width, and what the lens adds, as a variance.
+const BLUR_PX2: f32 = 0.08;
+
+/// The candidates of a strip, as far as they have been seen.
+#[derive(Debug)]
+struct Kept<'a> {
+    message: &'a mut StripCandidates,
+}
+
+impl Kept<'_> {
+    /// Keeps a candidate if it is one of the best; the rest are counted.
+    fn add(&mut self, candidate: Candidate) {
+        let message = &mut *self.message;
+        let mut n = message.n_candidates as usize;
+        let kept = &message.candidates[..n];
+        let rank = kept.partition_point(|other| other.by_worth(&candidate) == Ordering::Less);
         if n < MAX_CANDIDATES {
             n += 1;
         } else {
@@ -55,62 +61,207 @@ pub fn from_blobs(
             message.candidates[rank..n].rotate_right(1);
             message.candidates[rank] = candidate;
         }
+        message.n_candidates = n as u32;
     }
-    message.n_candidates = n as u32;
-    message
 }
 
-/// Larger first; equal ones from the top left, so that the order never depends on strips.
-pub(crate) fn by_worth(a: &Candidate, b: &Candidate) -> Ordering {
-    b.area_px.total_cmp(&a.area_px).then(a.y_px.total_cmp(&b.y_px)).then(a.x_px.total_cmp(&b.x_px))
+/// Adds what is left of a filtered mask.
+pub fn add_from_mask(message: &mut StripCandidates, blobs: &[Blob], strip: Strip, mask: &Mask) {
+    let mut kept = Kept { message };
+    let own = strip.own();
+    for blob in blobs {
+        let size_px = [blob.x_max - blob.x_min + 1, blob.y_max - blob.y_min + 1];
+        let is_candidate = own.contains(&blob.y_min.midpoint(blob.y_max))
+            && blob.n_px >= mask.min_area_px
+            && is_ball_like(size_px)
+            && is_inside((blob.x_min, blob.x_max), (blob.y_min, blob.y_max), strip);
+        if is_candidate {
+            kept.add(from_blob(blob, mask));
+        }
+    }
 }
 
-fn is_ball_like(blob: &Blob) -> bool {
-    let (width_px, height_px) = box_of(blob);
+/// Adds what stands out of the background. `spots` is scratch memory.
+pub fn add_from_response(
+    message: &mut StripCandidates,
+    blobs: &[Blob],
+    strip: Strip,
+    response: &Response,
+    spots: &mut Vec<Spot>,
+) {
+    let is_candidate = |spot: &Spot| {
+        let spot::PixelBox { x, y } = spot.pixels;
+        spot.n_px >= MIN_AREA_PX && is_ball_like(spot.pixels.size_px()) && is_inside(x, y, strip)
+    };
+    spots.clear();
+    let measured = blobs.iter().filter_map(|blob| spot::from_blob(response, blob));
+    spots.extend(measured.filter(is_candidate));
+    let own = strip.own();
+    let mut kept = Kept { message };
+    for spot in spots.iter() {
+        let (first, last) = spot.pixels.y;
+        let is_own = own.contains(&first.midpoint(last));
+        if is_own && !spots.iter().any(|other| is_same_and_better(other, spot)) {
+            from_spot(spot, response).into_iter().for_each(|candidate| kept.add(candidate));
+        }
+    }
+}
+
+/// A sickle in front of a slow ball and one behind it grow to the same spot.
+fn is_same_and_better(other: &Spot, than: &Spot) -> bool {
+    let off = |k: usize| (other.center_px[k] - than.center_px[k]).abs();
+    let is_same = off(0).max(off(1)) < DUPLICATE_PX as f32;
+    let place = |spot: &Spot| (spot.pixels.y.0, spot.pixels.x.0, spot.pixels.y.1, spot.pixels.x.1);
+    is_same
+        && than
+            .signal_to_noise
+            .total_cmp(&other.signal_to_noise)
+            .then(place(other).cmp(&place(than)))
+            == Ordering::Less
+}
+
+fn is_ball_like([width_px, height_px]: [u32; 2]) -> bool {
     let (short_px, long_px) = (width_px.min(height_px), width_px.max(height_px));
     long_px <= MAX_BALL_PX && long_px <= MAX_ASPECT * short_px
 }
 
 /// A ball cut by the edge of the frame has its centre elsewhere; it pulls the start of a flight.
-fn is_inside(blob: &Blob, strip: Strip) -> bool {
-    blob.x_min >= EDGE_PX
-        && blob.y_min >= EDGE_PX
-        && blob.x_max + EDGE_PX < strip.width_px()
-        && blob.y_max + EDGE_PX < strip.height_px()
+fn is_inside(x: (u32, u32), y: (u32, u32), strip: Strip) -> bool {
+    let keeps_off = |(first, last): (u32, u32), end: u32| first >= EDGE_PX && last + EDGE_PX < end;
+    keeps_off(x, strip.width_px()) && keeps_off(y, strip.height_px())
 }
 
-fn from_blob(blob: &Blob, method: &Method) -> Candidate {
-    let (width_px, height_px) = box_of(blob);
+fn from_blob(blob: &Blob, mask: &Mask) -> Candidate {
     let mean = |sum: u64| (sum as f64 / f64::from(blob.n_px)) as f32;
+    let [width_px, height_px] =
+        [blob.x_max - blob.x_min + 1, blob.y_max - blob.y_min + 1].map(|side| side as f32);
+    let variance_px2 = MASK_SIGMA.0.powi(2) + (MASK_SIGMA.1 * width_px.max(height_px)).powi(2);
+    // A mask knows nothing of the rest.
     Candidate {
-        x_px: mean(blob.x_sum) - method.shift_px(),
-        y_px: mean(blob.y_sum) - method.shift_px(),
-        width_px: width_px as f32,
-        height_px: height_px as f32,
+        xx_px2: variance_px2,
+        xy_px2: 0.0,
+        yy_px2: variance_px2,
+        width_px,
+        height_px,
         area_px: blob.n_px as f32,
+        ..Candidate::at(mean(blob.x_sum) - mask.shift_px(), mean(blob.y_sum) - mask.shift_px())
     }
 }
 
-fn from_spot(spot: &Spot, method: &Method) -> Option<Candidate> {
-    let [width_px, height_px] = spot.size_px.map(|side_px| side_px as f32);
-    let [x_px, y_px] = spot.center_px;
-    let area_px = spot.n_px as f32;
-    (spot.n_px >= method.min_area_px).then_some(Candidate {
-        x_px,
-        y_px,
+fn from_spot(spot: &Spot, response: &Response) -> Option<Candidate> {
+    let streak = Streak::from_moments(spot.moments_px2);
+    let explained_min = EXPLAINED_MIN + EXPLAINED_IN_CROWD * spot.crowd;
+    let disc = best_disc(spot, &streak, response)?;
+    let is_streak = disc.stretch > 1.0;
+    let length_px = if is_streak { streak.length_px } else { 0.0 };
+    let [width_px, height_px] = spot.pixels.size_px().map(|side_px| side_px as f32);
+    (disc.explained >= explained_min).then_some(Candidate {
+        x_px: disc.center_px[0],
+        y_px: disc.center_px[1],
+        xx_px2: disc.covariance_px2[0],
+        xy_px2: disc.covariance_px2[1],
+        yy_px2: disc.covariance_px2[2],
         width_px,
         height_px,
-        area_px,
+        area_px: spot.n_px as f32,
+        diameter_px: 2.0 * disc.radius_px,
+        contrast: disc.contrast,
+        streak_x_px: length_px * streak.direction[0],
+        streak_y_px: length_px * streak.direction[1],
+        signal_to_noise: spot.signal_to_noise,
     })
 }
 
-fn box_of(blob: &Blob) -> (u32, u32) {
-    (blob.x_max - blob.x_min + 1, blob.y_max - blob.y_min + 1)
+/// A spot longer than wide is a streak, or the lit side of a ball whose other side is as bright as
+/// what is behind it. The likelier one it is.
+fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> {
+    let (columns, rows) = response.known();
+    let known = ((columns.start, columns.end), (rows.start, rows.end));
+    let fitted = |center_px: [f32; 2], radius_px: f32, streak: [f32; 2], stretch: f32| {
+        let start = disc::Start {
+            center_px,
+            radius_px: radius_px.max(disc::RADIUS_MIN_PX),
+            streak,
+            stretch,
+            contrast: spot.contrast,
+            background: spot.background,
+            sigma: spot.sigma,
+        };
+        disc::fit(|x, y| response.pixel(x, y), known, start)
+    };
+    let [x, y] = spot.center_px;
+    // Of half a disc the middle is 0.42 radii off, towards the light, and the shorter side's moment
+    // is 0.28 of the longer's; the longer is that of the whole disc.
+    let radius_px = 2.0 * streak.longer_px2.sqrt();
+    let missing = ((1.0 - streak.shorter_px2 / streak.longer_px2) / 0.72).clamp(0.0, 1.0);
+    let [along_x, along_y] = streak.direction;
+    let down = if along_x < 0.0 { -1.0 } else { 1.0 };
+    let off_px = 0.42 * radius_px * missing;
+    let beside = |by: f32| fitted([x - by * along_y, y + by * along_x], radius_px, [1.0, 0.0], 1.0);
+    let mut as_ball = beside(down * off_px);
+    // Light from the left or right: the other side must be likelier, if light would come from below
+    // much likelier.
+    if missing > 0.2 && along_x.abs() < 0.7 {
+        let odds = if along_x.abs() < 0.25 { 1.0 } else { OTHER_SIDE_COST_MAX };
+        let other = beside(-down * off_px);
+        as_ball = match (as_ball, other) {
+            (Some(ball), Some(other)) if other.cost < odds * ball.cost => Some(other),
+            (None, other) => other,
+            (ball, _) => ball,
+        };
+    }
+    if streak.stretch < STRETCH_MIN {
+        return as_ball;
+    }
+    let radius_px = 2.0 * streak.shorter_px2.sqrt();
+    let as_streak = fitted([x, y], radius_px, streak.direction, streak.stretch);
+    match (as_ball, as_streak) {
+        (Some(ball), Some(streak)) if streak.cost < STREAK_COST_MAX * ball.cost => Some(streak),
+        (None, streak) => streak,
+        (ball, _) => ball,
+    }
+}
+
+/// How a spot is drawn out by motion.
+struct Streak {
+    /// How far it moved during the exposure.
+    length_px: f32,
+    /// Unit vector; which way along it is not known.
+    direction: [f32; 2],
+    /// Length over width.
+    stretch: f32,
+    /// Second moment along it, without blur.
+    longer_px2: f32,
+    /// Second moment across it, without blur.
+    shorter_px2: f32,
+}
+
+impl Streak {
+    /// A disc of radius R has R²/4 both ways; motion over L adds L²/12 along it.
+    fn from_moments([xx, xy, yy]: [f32; 3]) -> Self {
+        let (middle, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+        let spread = (half * half + xy * xy).sqrt();
+        let shorter_px2 = (middle - spread - BLUR_PX2).max(0.1);
+        let longer_px2 = shorter_px2 + 2.0 * spread;
+        let cosine = half / spread.max(1e-6); // of twice the angle
+        let direction = [
+            (0.5 * (1.0 + cosine)).max(0.0).sqrt(),
+            (0.5 * (1.0 - cosine)).max(0.0).sqrt() * xy.signum(),
+        ];
+        Self {
+            length_px: (24.0 * spread).sqrt(),
+            direction,
+            stretch: (longer_px2 / shorter_px2).sqrt().min(STRETCH_MAX),
+            longer_px2,
+            shorter_px2,
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::method::TABLE_1;
 
     fn square(x_min: u32, y_min: u32, side_px: u32) -> Blob {
         let n_px = side_px * side_px;
@@ -125,15 +276,19 @@ mod tests {
         }
     }
 
-    fn whole() -> Strip {
-        Strip::new(0, 1, (640, 480))
+    /// What test 5 makes of these blobs.
+    fn from_blobs(blobs: &[Blob]) -> StripCandidates {
+        let mut message = StripCandidates::default();
+        let mask = Mask::of(&TABLE_1[4]).unwrap();
+        add_from_mask(&mut message, blobs, Strip::new(0, 1, (640, 480)), mask);
+        message
     }
 
     #[test]
     fn size_and_shape_are_bounded() {
         let line = Blob { x_max: 100, n_px: 91, ..square(10, 10, 1) };
         let blobs = [square(5, 5, 1), square(20, 20, 3), square(100, 100, 65), line];
-        let message = from_blobs(&blobs, whole(), &Method::TEST_5, false, None);
+        let message = from_blobs(&blobs);
         assert_eq!(message.spots().len(), 1);
         let spot = message.spots()[0];
         assert_eq!((spot.x_px, spot.y_px, spot.area_px), (20.5, 20.5, 9.0));
@@ -142,9 +297,9 @@ mod tests {
     #[test]
     fn what_the_edge_of_the_frame_cuts_is_not_reported() {
         let cut = [square(1, 50, 5), square(50, 1, 5), square(634, 50, 5), square(50, 474, 5)];
-        assert_eq!(from_blobs(&cut, whole(), &Method::TEST_5, false, None).n_candidates, 0);
+        assert_eq!(from_blobs(&cut).n_candidates, 0);
         let inside = [square(2, 2, 5), square(633, 473, 5)];
-        assert_eq!(from_blobs(&inside, whole(), &Method::TEST_5, false, None).n_candidates, 2);
+        assert_eq!(from_blobs(&inside).n_candidates, 2);
     }
 
     #[test]
@@ -152,17 +307,11 @@ mod tests {
         let blobs: Vec<Blob> = (0..100)
             .map(|k| square((k % 10) * 60 + 5, (k / 10) * 40 + 5, 2 + (k * 7) % 30))
             .collect();
-        let message = from_blobs(&blobs, whole(), &Method::TEST_5, false, None);
+        let message = from_blobs(&blobs);
         assert_eq!((message.spots().len(), message.n_dropped), (MAX_CANDIDATES, 36));
         let mut areas: Vec<f32> = blobs.iter().map(|blob| blob.n_px as f32).collect();
         areas.sort_by(|a, b| b.total_cmp(a));
         let kept: Vec<f32> = message.spots().iter().map(|spot| spot.area_px).collect();
         assert_eq!(kept, areas[..MAX_CANDIDATES]);
-    }
-
-    #[test]
-    fn nothing_is_reported_while_learning() {
-        let message = from_blobs(&[square(20, 20, 5)], whole(), &Method::TEST_5, true, None);
-        assert_eq!((message.n_candidates, message.is_learning), (0, 1));
     }
 }

@@ -1,11 +1,12 @@
-//! Foreground → filtered: the stages of a [`Method`] applied to the mask, one after another.
+//! Foreground → filtered: the stages of a [`Mask`] applied to the mask, one after another.
 //!
 //! Beyond the frame the mask is 0. Each stage is a count of ones in small windows: columns are
 //! added up row by row, then neighbours along the row.
 //!
 //! Cost: for one 4x4 window two running sums of bytes per pixel, about 0.1 ms for 640x480.
 
-use crate::method::{Method, REACH_PX, Stage, Window};
+use crate::kernels::{CHUNK_PX, bits_from_bytes};
+use crate::method::{Mask, REACH_PX, Stage, Window};
 use crate::strip::Strip;
 
 /// The widest window reaches this far; as many zero columns stand on either side of a row.
@@ -15,33 +16,36 @@ const MARGIN_PX: usize = 2;
 #[derive(Debug)]
 pub struct Filtered {
     strip: Strip,
-    method: Method,
+    stages: &'static [Stage],
     /// Ones per column in a window's rows, with [`MARGIN_PX`] zeros before and behind.
     column_sums: Vec<u8>,
     /// Masks of the learned rows, read and written in turn.
     from: Vec<u8>,
     to: Vec<u8>,
+    /// The result, one bit per pixel.
+    words: Vec<u64>,
 }
 
 impl Filtered {
     /// Scratch memory for a strip.
     #[must_use]
-    pub fn new(strip: Strip, method: Method) -> Self {
+    pub fn new(strip: Strip, method: &Mask) -> Self {
         let width_px = strip.width_px() as usize;
         let n_px = strip.learned().len() * width_px;
         Self {
             strip,
-            method,
+            stages: method.stages,
             column_sums: vec![0; width_px + 2 * MARGIN_PX],
             from: vec![0; n_px],
             to: vec![0; n_px],
+            words: vec![0; strip.seen().len() * width_px.div_ceil(CHUNK_PX)],
         }
     }
 
     /// The mask (0 or 1) of the learned rows in, the filtered mask of the seen rows out.
     pub fn update(&mut self, mask: &[u8]) -> &[u8] {
         self.from.copy_from_slice(mask);
-        for stage in self.method.stages {
+        for stage in self.stages {
             self.apply(stage);
             std::mem::swap(&mut self.from, &mut self.to);
         }
@@ -49,6 +53,23 @@ impl Filtered {
         let width_px = self.strip.width_px() as usize;
         let first = (seen.start - learned.start) as usize * width_px;
         &self.from[first..first + seen.len() * width_px]
+    }
+
+    /// The same as rows of bits, [`CHUNK_PX`] a word.
+    pub fn update_rows(&mut self, mask: &[u8]) -> impl Iterator<Item = &[u64]> {
+        let width_px = self.strip.width_px() as usize;
+        let n_words = width_px.div_ceil(CHUNK_PX);
+        let mut words = std::mem::take(&mut self.words);
+        let filtered = self.update(mask);
+        for (row, words) in filtered.chunks_exact(width_px).zip(words.chunks_exact_mut(n_words)) {
+            for (pixels, word) in row.chunks(CHUNK_PX).zip(words) {
+                let mut bytes = [0; CHUNK_PX];
+                bytes[..pixels.len()].copy_from_slice(pixels);
+                *word = bits_from_bytes(&bytes);
+            }
+        }
+        self.words = words;
+        self.words.chunks_exact(n_words)
     }
 
     fn apply(&mut self, stage: &Stage) {
@@ -145,14 +166,15 @@ mod tests {
             mask in prop::collection::vec(prop::bool::weighted(0.7), 20 * 11)
         ) {
             let mask: Vec<u8> = mask.into_iter().map(u8::from).collect();
-            for method in TABLE_1 {
+            for method in &TABLE_1 {
+                let row = Mask::of(method).unwrap();
                 let mut expected = mask.clone();
-                for stage in method.stages {
+                for stage in row.stages {
                     expected = staged_by_definition(&expected, stage);
                 }
                 let strip = Strip::new(0, 1, (WIDTH_PX as u32, HEIGHT_PX as u32));
                 let name = method.name;
-                let mut filtered = Filtered::new(strip, method);
+                let mut filtered = Filtered::new(strip, row);
                 prop_assert_eq!(filtered.update(&mask), expected, "{}", name);
             }
         }
@@ -164,9 +186,10 @@ mod tests {
         for y in 6..13 {
             mask[y * 20 + 5..y * 20 + 12].fill(1); // centre (8, 9)
         }
-        for method in TABLE_1 {
-            let (name, shift_px) = (method.name, method.shift_px());
-            let mut filtered = Filtered::new(Strip::new(0, 1, (20, 20)), method);
+        for method in &TABLE_1 {
+            let row = Mask::of(method).unwrap();
+            let (name, shift_px) = (method.name, row.shift_px());
+            let mut filtered = Filtered::new(Strip::new(0, 1, (20, 20)), row);
             let kept = filtered.update(&mask).iter().enumerate().filter(|&(_, &m)| m == 1);
             let kept: Vec<usize> = kept.map(|(i, _)| i).collect();
             let mean = |of: fn(usize) -> usize| {

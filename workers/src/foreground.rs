@@ -42,7 +42,7 @@ impl Background {
     /// Weight of frame `n_frames`, counted from 1. Equal weights while learning. Afterwards ρ at
     /// once: a ball that stands on a pixel for five frames would otherwise raise that pixel's σ
     /// until it is foreground no more.
-    pub(crate) fn rate(&self, n_frames: u64) -> f32 {
+    fn rate(&self, n_frames: u64) -> f32 {
         let is_learning = n_frames <= u64::from(self.n_learning);
         if is_learning { 1.0 / n_frames as f32 } else { self.learning_rate }
     }
@@ -50,7 +50,7 @@ impl Background {
 
 /// Updates a pixel's Gaussian (Eq 15, 16) and says how far it was from the mean before.
 #[inline]
-pub(crate) fn learned(level: u8, mean: &mut f32, variance: &mut f32, rate: f32) -> f32 {
+fn learned(level: u8, mean: &mut f32, variance: &mut f32, rate: f32) -> f32 {
     let difference = f32::from(level) - *mean;
     *mean += rate * difference;
     *variance = (1.0 - rate) * (*variance + rate * difference * difference);
@@ -73,9 +73,9 @@ pub struct Foreground {
 impl Foreground {
     /// A background that has learned nothing.
     #[must_use]
-    pub fn new(strip: Strip, settings: &Settings) -> Self {
+    pub fn new(strip: Strip, is_differenced: bool, settings: &Settings) -> Self {
         let n_px = strip.learned().len() * strip.width_px() as usize;
-        let look_back = if settings.method.is_differenced { settings.look_back } else { 0 };
+        let look_back = if is_differenced { settings.look_back } else { 0 };
         Self {
             settings: settings.background,
             strip,
@@ -135,7 +135,8 @@ mod tests {
     const SIZE_PX: (u32, u32) = (16, 8);
 
     fn foreground(look_back: usize) -> Foreground {
-        Foreground::new(Strip::new(0, 1, SIZE_PX), &Settings { look_back, ..Settings::DEFAULT })
+        let settings = Settings { look_back, ..Settings::DEFAULT };
+        Foreground::new(Strip::new(0, 1, SIZE_PX), true, &settings)
     }
 
     fn noisy(rng: &mut ChaCha8Rng) -> Vec<u8> {

@@ -1,7 +1,7 @@
 //! The ways of finding balls that can be asked for by name: the seven configurations of the thesis'
-//! Table 1 (section 6.4), and [`MATCHED`], which is the default. Each says whether foreground must
-//! be new, what is done to the mask, and how large a blob must be. A filter is a sequence of
-//! [`Stage`]s; erosion, dilation and the low-pass filter on a binary mask are all the same thing, a
+//! Table 1 (section 6.4), and [`MATCHED`], which is the default. Each of the former says whether
+//! foreground must be new, what is done to the mask, and how large a blob must be. A filter is a
+//! sequence of [`Stage`]s; erosion, dilation and the low-pass filter on a binary mask are all the same thing, a
 //! count of ones in a window, so one kernel serves them all.
 //!
 //! OpenCV anchors a kernel of even side right and below its middle, which moves what it filters by
@@ -33,15 +33,29 @@ pub enum Stage {
     Any(&'static [Window]),
 }
 
-/// A row of the table.
+/// A way of finding balls.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Method {
     /// What to ask for it by.
     pub name: &'static str,
+    /// What is done.
+    pub how: How,
+}
+
+/// What a method does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum How {
+    /// Filters a mask of foreground, as the thesis does.
+    Mask(Mask),
+    /// Looks for a [`crate::response`] of more than so many σ, and fits a disc.
+    Response(f32),
+}
+
+/// A row of the thesis' table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mask {
     /// Whether a foreground pixel must be new.
     pub is_differenced: bool,
-    /// Found by the [`crate::response`] over this many σ, in place of a mask of foreground.
-    pub response_sigma: Option<f32>,
     /// What is done to the mask.
     pub stages: &'static [Stage],
     /// Least pixels of a blob: "ball size > 5 px" is 6.
@@ -60,85 +74,40 @@ const CIRCLE_5: [Window; 2] = [window(-2..=2, -1..=1), window(0..=0, -2..=2)];
 
 /// Farthest row, up or down, that any method looks at beyond a blob: all its stages together, or
 /// the ring around a spot.
-pub const REACH_PX: u32 = 4;
+pub const REACH_PX: u32 = 12;
 
 /// A mean of 255s and 0s over `threshold` needs 25 * 174 / 255 = 17.06, so 18, and so on.
 const fn count_over(threshold: u32, n_px: u32) -> u8 {
     (threshold * n_px / 255 + 1) as u8
 }
 
-/// Table 1, in its order.
+const fn row(
+    name: &'static str,
+    is_differenced: bool,
+    stages: &'static [Stage],
+    min_area_px: u32,
+    shift_half_px: u8,
+) -> Method {
+    let mask = Mask { is_differenced, stages, min_area_px, shift_half_px };
+    Method { name, how: How::Mask(mask) }
+}
+
+/// Table 1, in its order: name, differenced, stages, least area, shift.
 pub const TABLE_1: [Method; 7] = [
-    Method {
-        name: "test-1",
-        is_differenced: false,
-        response_sigma: None,
-        stages: &[],
-        min_area_px: 6,
-        shift_half_px: 0,
-    },
-    Method {
-        name: "test-2",
-        is_differenced: true,
-        response_sigma: None,
-        stages: &[],
-        min_area_px: 6,
-        shift_half_px: 0,
-    },
-    Method {
-        name: "test-3",
-        is_differenced: true,
-        response_sigma: None,
-        stages: &[Stage::AtLeast(count_over(174, 25), BOX_5)],
-        min_area_px: 5,
-        shift_half_px: 0,
-    },
-    Method {
-        name: "test-4",
-        is_differenced: true,
-        response_sigma: None,
-        stages: &[Stage::AtLeast(count_over(174, 16), BOX_4)],
-        min_area_px: 5,
-        shift_half_px: 1,
-    },
-    Method {
-        name: "test-5",
-        is_differenced: true,
-        response_sigma: None,
-        stages: &[Stage::AtLeast(count_over(150, 16), BOX_4)],
-        min_area_px: 3,
-        shift_half_px: 1,
-    },
-    Method {
-        name: "test-6",
-        is_differenced: true,
-        response_sigma: None,
-        stages: &[Stage::Any(&CROSS_3), Stage::All(&CROSS_3), Stage::All(&CIRCLE_5)],
-        min_area_px: 2,
-        shift_half_px: 0,
-    },
-    Method {
-        name: "test-7",
-        is_differenced: true,
-        response_sigma: None,
-        stages: &[Stage::All(&BOX_2), Stage::Any(&BOX_2)],
-        min_area_px: 7,
-        shift_half_px: 2,
-    },
+    row("test-1", false, &[], 6, 0),
+    row("test-2", true, &[], 6, 0),
+    row("test-3", true, &[Stage::AtLeast(count_over(174, 25), BOX_5)], 5, 0),
+    row("test-4", true, &[Stage::AtLeast(count_over(174, 16), BOX_4)], 5, 1),
+    row("test-5", true, &[Stage::AtLeast(count_over(150, 16), BOX_4)], 3, 1),
+    row("test-6", true, &[Stage::Any(&CROSS_3), Stage::All(&CROSS_3), Stage::All(&CIRCLE_5)], 2, 0),
+    row("test-7", true, &[Stage::All(&BOX_2), Stage::Any(&BOX_2)], 7, 2),
 ];
 
-/// A matched filter instead of a mask, with centres from grey levels: [`crate::response`].
+/// A matched filter instead of a mask, and a disc for the centre.
 ///
 /// 7 σ: on the clip `amateur-grass` 7, 8 and 10 find 84, 82 and 75 % of the easy balls at 4, 3 and
 /// 2 false candidates a frame; on simulated courts all find 99 to 100 % at 0.1 to 0.3.
-pub const MATCHED: Method = Method {
-    name: "matched",
-    is_differenced: true,
-    response_sigma: Some(7.0),
-    stages: &[],
-    min_area_px: 4,
-    shift_half_px: 0,
-};
+pub const MATCHED: Method = Method { name: "matched", how: How::Response(7.0) };
 
 /// All methods that have a name.
 #[must_use]
@@ -147,9 +116,6 @@ pub fn all() -> Vec<Method> {
 }
 
 impl Method {
-    /// The thesis' choice.
-    pub const TEST_5: Self = TABLE_1[4].copied();
-
     /// The method of this name.
     ///
     /// # Errors
@@ -160,21 +126,21 @@ impl Method {
             format!("expected one of {}, got {name:?}", names.join(", "))
         })
     }
+}
 
+impl Mask {
     /// How far the stages move what they filter, right and down.
     #[must_use]
     pub fn shift_px(&self) -> f32 {
         f32::from(self.shift_half_px) / 2.0
     }
 
-    const fn copied(&self) -> Self {
-        Self {
-            name: self.name,
-            is_differenced: self.is_differenced,
-            response_sigma: self.response_sigma,
-            stages: self.stages,
-            min_area_px: self.min_area_px,
-            shift_half_px: self.shift_half_px,
+    /// The row of a method of Table 1.
+    #[must_use]
+    pub fn of(method: &Method) -> Option<&Self> {
+        match &method.how {
+            How::Mask(mask) => Some(mask),
+            How::Response(_) => None,
         }
     }
 }
@@ -198,7 +164,8 @@ mod tests {
     fn the_low_pass_thresholds_are_those_of_the_table() {
         let counts: Vec<u8> = TABLE_1
             .iter()
-            .flat_map(|method| method.stages)
+            .filter_map(Mask::of)
+            .flat_map(|mask| mask.stages)
             .filter_map(|stage| match stage {
                 Stage::AtLeast(count, _) => Some(*count),
                 _ => None,
@@ -209,10 +176,11 @@ mod tests {
 
     #[test]
     fn no_method_reaches_farther_than_it_says() {
-        for method in TABLE_1 {
+        for method in &TABLE_1 {
+            let mask = Mask::of(method).unwrap();
             let reach = |of: fn(&Window) -> i32| {
                 let of_stage = |stage: &Stage| stage.windows().iter().map(of).max().unwrap_or(0);
-                method.stages.iter().map(of_stage).sum::<i32>() as u32
+                mask.stages.iter().map(of_stage).sum::<i32>() as u32
             };
             assert!(reach(|w| -w.rows.start()) <= REACH_PX, "{}", method.name);
             assert!(reach(|w| *w.rows.end()) <= REACH_PX, "{}", method.name);
@@ -221,7 +189,7 @@ mod tests {
 
     #[test]
     fn methods_are_found_by_name() {
-        assert_eq!(Method::from_name("test-5"), Ok(Method::TEST_5));
+        assert_eq!(Method::from_name("test-5").as_ref(), Ok(&TABLE_1[4]));
         assert!(Method::from_name("best").unwrap_err().contains("test-1, test-2"));
     }
 }

@@ -19,8 +19,15 @@ use std::ops::Range;
 /// Tallest and widest box of a ball: at 1240 px focal length 6.6 cm are 64 px at 1.3 m.
 pub const MAX_BALL_PX: u32 = 64;
 
-/// Rows seen beyond the own ones, so that the tallest ball ends one row before the edge.
-pub const HALO_PX: u32 = MAX_BALL_PX / 2 + 1;
+/// Two spots whose middles are nearer than this are one ball seen twice.
+pub const DUPLICATE_PX: u32 = 4;
+
+/// Rows seen beyond the own ones, so that the tallest ball ends one row before the edge, and so
+/// does the one it might be a duplicate of.
+pub const HALO_PX: u32 = MAX_BALL_PX / 2 + 1 + DUPLICATE_PX;
+
+/// Side of the squares in which clutter is counted. A strip looks at whole ones.
+pub const BLOCK_PX: u32 = 16;
 
 /// One of the strips that share a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,10 +87,20 @@ impl Strip {
         self.grown_by(HALO_PX)
     }
 
-    /// The rows whose background is kept: those seen and what the filter needs around them.
+    /// The rows that are searched: those seen and what the filter needs around them, to whole
+    /// blocks of the frame.
+    #[must_use]
+    pub fn tested(self) -> Range<u32> {
+        let rows = self.grown_by(HALO_PX + REACH_PX);
+        let end = rows.end.next_multiple_of(BLOCK_PX).min(self.height_px);
+        rows.start / BLOCK_PX * BLOCK_PX..end
+    }
+
+    /// The rows whose background is kept: one more on either side.
     #[must_use]
     pub fn learned(self) -> Range<u32> {
-        self.grown_by(HALO_PX + REACH_PX)
+        let rows = self.tested();
+        rows.start.saturating_sub(1)..(rows.end + 1).min(self.height_px)
     }
 
     fn grown_by(self, rows_px: u32) -> Range<u32> {
