@@ -89,7 +89,11 @@ fn seen_by_ray(scenario: &Scenario, camera: &Camera, ray: &Vector3<f64>) -> Seen
     let net = net_on_ray(camera, ray);
     let net_light = net.reflectance * scenario.light.irradiance(&-Vector3::y());
     let open = 1.0 - net.coverage;
-    let beyond = surroundings::seen(scenario.seed, scenario.world.fence_y_m, eye, ray);
+    let sky_light = match scenario.conditions.overcast.sky_light {
+        0.0 => surroundings::SKY_LIGHT,
+        overcast => overcast,
+    };
+    let beyond = surroundings::seen(scenario.seed, scenario.world.fence_y_m, sky_light, eye, ray);
     let (behind, trees) = match beyond {
         Some(b) => (b.front + b.trees_open * b.trees, b),
         None => (light_of_ground(scenario, eye, ray), Beyond::default()),
