@@ -1,4 +1,4 @@
-//! Flight of a bird, time -> its limbs: a dark body and two wings that flap.
+//! Flight of a bird, time -> its limbs: a body and two wings that flap.
 //!
 //! A pigeon is 0.33 m long with a span of 0.68 m and flaps 5 times a second; a swallow has half of
 //! both. The tips lag behind the wrists. Absent before and after its flight.
@@ -9,7 +9,6 @@ use nalgebra::{Point3, Vector3};
 
 use crate::figure::{LIMBS_MAX, Limb, Limbs};
 
-const REFLECTANCE: f64 = 0.035;
 /// How far wings go up and down.
 const FLAP_RAD: f64 = 0.8;
 
@@ -28,6 +27,8 @@ pub struct BirdFlight {
     pub span_m: f64,
     /// Beats a second.
     pub flap_hz: f64,
+    /// 0.03 is a swallow or a crow, 0.2 a pigeon.
+    pub reflectance: f64,
 }
 
 impl BirdFlight {
@@ -48,7 +49,7 @@ impl BirdFlight {
             Some(Limb {
                 ends_in_court_m: [from, to],
                 radii_m,
-                reflectance: REFLECTANCE,
+                reflectance: self.reflectance,
                 pattern: 0.3,
             })
         };
@@ -85,6 +86,7 @@ mod tests {
             ends_at_s: 3.0,
             span_m: 0.68,
             flap_hz: 5.0,
+            reflectance: 0.2,
         };
         let tips = |at_s: f64| {
             let limbs = bird.limbs(at_s).expect("flies");

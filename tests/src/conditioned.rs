@@ -13,7 +13,7 @@ use crate::camera::Side;
 use crate::cast::Cast;
 use crate::grain::GrainField;
 use crate::haze::Tones;
-use crate::noise;
+use crate::noise::{self, Level};
 use crate::renderer::Renderer;
 use crate::shade::ShadedGround;
 
@@ -72,11 +72,13 @@ impl Renderer {
             self.set_contrast(&mut cast, contrast_grey);
         }
         let daylight = conditions.daylight.factor(exposed_at_s);
-        let grain = kit.grain.as_ref().map(|g| g.frame(self.side as u64, frame_idx));
+        let mut grain = kit.grain.as_ref().map(|g| g.frame(self.side as u64, frame_idx));
         let mut light = [0.0; WIDTH_MAX_PX];
         let light = &mut light[..width];
         let mut grain_q6 = [0; WIDTH_MAX_PX];
         let grain_q6 = &mut grain_q6[..width];
+        let mut levels = [Level { mean_q6: 0, scale: 0 }; WIDTH_MAX_PX];
+        let levels = &mut levels[..width];
         for (row_idx, out_row) in out.chunks_exact_mut(width).enumerate() {
             self.fill_scenery(row_idx, exposed_at_s, shift_px, light);
             if let Some(shade) = &kit.shade {
@@ -85,15 +87,16 @@ impl Renderer {
             cast.draw_row(row_idx, |column| self.open(column, row_idx, shift_px), light);
             let row_at_s = camera.row_exposed_at_s(exposed_at_s, row_idx as f64);
             let bright = (daylight * conditions.lamps.factor(row_at_s)) as f32;
-            if let Some(grain) = &grain {
+            if let Some(grain) = &mut grain {
                 grain.fill_row(row_idx, grain_q6);
             }
             let samples = self.noise.row(self.row_key(frame_idx, row_idx), width);
-            let pixels = out_row.iter_mut().zip(&*light).zip(samples).zip(&*grain_q6);
-            for (((o, &light), &sample), &grain_q6) in pixels {
-                let level = kit.tones.level(light * bright);
-                let mean_q6 = level.mean_q6.saturating_add(grain_q6);
-                *o = noise::grey_from_level(mean_q6, level.scale, sample);
+            for ((level, light), grain_q6) in levels.iter_mut().zip(&*light).zip(&*grain_q6) {
+                *level = kit.tones.level(light * bright);
+                level.mean_q6 = level.mean_q6.saturating_add(*grain_q6);
+            }
+            for ((o, level), &sample) in out_row.iter_mut().zip(&*levels).zip(samples) {
+                *o = noise::grey_from_level(level.mean_q6, level.scale, sample);
             }
         }
     }

@@ -134,7 +134,8 @@ impl Figure {
         let soft_m = (reach / camera.focal_px[0] * ray.norm() / -ray.z * ray.norm()) as f32;
         let shade = |stroke: &Stroke| {
             let (offset, radius, _) = stroke.offset(ground);
-            let beyond = offset[0].hypot(offset[1]) - radius;
+            let away2 = offset[0] * offset[0] + offset[1] * offset[1];
+            let beyond = away2.sqrt() - radius;
             smooth_step((0.5 - beyond / soft_m).clamp(0.0, 1.0))
         };
         self.shadows.iter().flatten().map(shade).fold(0.0, f32::max)

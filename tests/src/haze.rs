@@ -3,12 +3,17 @@
 //! Light scattered into the lens is added everywhere: with an exposure that keeps the mean, grey
 //! levels move towards it, `mean + (grey - mean) (1 - loss)`. The sensor's noise is that of the
 //! brightness it really gets. Since light changes from frame to frame under most conditions, the
-//! answer is looked up: 4096 entries over the root of light, 0.08 grey level apart at most.
+//! answer is looked up by the leading bits of the number that light is: 1024 entries for each
+//! doubling, a tenth of a grey level apart at most. That takes no root and no branch.
 
 use crate::noise::{self, Level, Noise};
 
-/// Last entry of the table.
-const LAST: usize = 4095;
+/// Bits of a number that are left out: 10 of the 23 of its fraction are looked at.
+const LEFT_OUT: u32 = 13;
+/// Darker than this is as dark; 0.4 grey levels. A power of two.
+const DARKEST: f32 = 1.0 / 8192.0;
+/// The table ends at white.
+const N_LEVELS: usize = ((1f32.to_bits() - DARKEST.to_bits()) >> LEFT_OUT) as usize + 1;
 
 /// A veil over the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,19 +32,22 @@ impl Tones {
     /// A sensor behind haze; `mean_grey` is that of the picture.
     pub fn new(noise: &Noise, haze: Haze, mean_grey: f64) -> Self {
         let level = |idx: usize| {
-            let grey = noise::grey_from_light((idx as f64 / LAST as f64).powi(2));
+            // The middle of what has the same leading bits; all that is dark begins at none.
+            let bits = DARKEST.to_bits() + ((idx as u32) << LEFT_OUT) + (1 << (LEFT_OUT - 1));
+            let light = if idx == 0 { 0.0 } else { f32::from_bits(bits).min(1.0) };
+            let grey = noise::grey_from_light(f64::from(light));
             let veiled = mean_grey + (grey - mean_grey) * (1.0 - haze.loss);
             noise.level_from_light(noise::light_from_grey(veiled) as f32)
         };
-        Self { levels: (0..=LAST).map(level).collect() }
+        Self { levels: (0..N_LEVELS).map(level).collect() }
     }
 
-    /// Mean and noise for this light.
+    /// Mean and noise for this light, which is not negative.
     #[inline(always)]
     pub fn level(&self, light: f32) -> Level {
-        // `as` saturates: light is never negative, and more than 1 is white.
-        let idx = (light.sqrt() * LAST as f32 + 0.5) as usize;
-        self.levels[idx.min(LAST)]
+        // Numbers that are not negative are in the order of their bits.
+        let bits = light.to_bits().clamp(DARKEST.to_bits(), 1f32.to_bits());
+        self.levels[((bits - DARKEST.to_bits()) >> LEFT_OUT) as usize]
     }
 }
 

@@ -97,8 +97,8 @@ fn trunk(gait: &Gait) -> [Option<Limb>; 6] {
         gait.limb([at(0.0, 0.045, 0.56), at(0.0, 0.055, 0.76)], [0.062, 0.068], SHIRT_REFLECTANCE),
         gait.limb([at(0.0, -0.10, 0.80), at(0.0, 0.10, 0.80)], [0.038; 2], SHIRT_REFLECTANCE),
         gait.limb([at(0.0, 0.0, 0.82), at(0.01, 0.0, 0.88)], [0.03; 2], SKIN_REFLECTANCE),
-        gait.limb([at(0.02, 0.0, 0.91), at(0.015, 0.0, 0.95)], [0.042, 0.046], SKIN_REFLECTANCE),
-        gait.limb([at(0.0, 0.0, 0.94), at(0.005, 0.0, 0.962)], [0.042, 0.044], HAIR_REFLECTANCE),
+        gait.limb([at(0.02, 0.0, 0.91), at(0.015, 0.0, 0.95)], [0.042, 0.044], SKIN_REFLECTANCE),
+        gait.limb([at(-0.008, 0.0, 0.945), at(0.0, 0.0, 0.968)], [0.044, 0.046], HAIR_REFLECTANCE),
     ]
 }
 

@@ -8,6 +8,8 @@
 //! Frames under [`crate::conditions`] are made in [`crate::conditioned`].
 //! Limit: at most 4 balls at once are drawn.
 
+use std::sync::Arc;
+
 use crate::background::Background;
 use crate::ball_image::{self, BallImage, Region};
 use crate::camera::{Camera, Side};
@@ -23,7 +25,7 @@ pub struct Renderer {
     pub(crate) scenario: Scenario,
     pub(crate) truth: Truth,
     pub(crate) side: Side,
-    pub(crate) background: Background,
+    pub(crate) background: Arc<Background>,
     pub(crate) noise: Noise,
     /// Mean brightness of the background, in 1/64 grey level.
     pub(crate) mean_q6: Vec<i16>,
@@ -37,7 +39,17 @@ pub struct Renderer {
 impl Renderer {
     /// Prepares a camera; takes about a second.
     pub fn new(scenario: &Scenario, truth: &Truth, side: Side) -> Self {
-        let background = Background::from_scenario(scenario, side);
+        let background = Arc::new(Background::from_scenario(scenario, side));
+        Self::before(background, scenario, truth, side)
+    }
+
+    /// Prepares a camera whose background is known: that of this scenario and this side.
+    pub fn before(
+        background: Arc<Background>,
+        scenario: &Scenario,
+        truth: &Truth,
+        side: Side,
+    ) -> Self {
         let noise = Noise::new(scenario.seed, scenario.noise_level);
         let levels = background.light.iter().map(|&light| noise.level_from_light(light));
         let (mean_q6, scale) = levels.map(|l| (l.mean_q6, l.scale)).unzip();
@@ -103,14 +115,16 @@ impl Renderer {
         let half_s = 0.5 * camera.exposure_s;
         let mut flights: [Option<&Flight>; BALLS_MAX] = [None; BALLS_MAX];
         let in_air = self.truth.flights_between(exposed_at_s - half_s, last_row_at_s + half_s);
-        for (slot, flight) in flights.iter_mut().zip(in_air) {
+        let regions_of = |flight: &Flight| {
+            let path = |at_s| flight.position_in_court_m(at_s);
+            ball_image::regions_from_path(&self.scenario, camera, &path, exposed_at_s)
+        };
+        let in_sight = in_air.filter(|flight| regions_of(flight) != [None; 2]);
+        for (slot, flight) in flights.iter_mut().zip(in_sight) {
             *slot = Some(flight);
         }
         for flight in flights.iter().flatten() {
-            let path = |at_s| flight.position_in_court_m(at_s);
-            let regions =
-                ball_image::regions_from_path(&self.scenario, camera, &path, exposed_at_s);
-            for region in regions.into_iter().flatten() {
+            for region in regions_of(flight).into_iter().flatten() {
                 self.draw_region(frame_idx, exposed_at_s, &flights, region, out);
             }
         }

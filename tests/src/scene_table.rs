@@ -6,16 +6,19 @@
 //! Cost: about 5 ms a frame; 25 s for all scenes and one method on two cores.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 use shm_layout::Candidate;
 use workers::Settings;
 use workers::method::Method;
 
+use crate::background::{Background, BackgroundKey};
+use crate::camera::Side;
 use crate::evaluation::{Evaluation, Score};
 use crate::labels::{Label, Labels};
 use crate::renderer::Renderer;
+use crate::scenario::Scenario;
 use crate::scenes::{LEARNED_UNTIL_S, Scene, Take, Target};
 use crate::truth::{Flight, Truth};
 
@@ -50,6 +53,27 @@ pub struct Row {
     pub is_met: Option<bool>,
 }
 
+/// Backgrounds that several scenes have in common.
+#[derive(Debug, Default)]
+pub struct Backgrounds {
+    known: Mutex<Vec<(BackgroundKey, Arc<Background>)>>,
+}
+
+impl Backgrounds {
+    /// That of a scenario, made when it is first asked for.
+    fn of(&self, scenario: &Scenario, side: Side) -> Arc<Background> {
+        let key = BackgroundKey::from_scenario(scenario, side);
+        let known = || self.known.lock().expect("no thread panicked");
+        let found = known().iter().find(|(other, _)| *other == key).map(|(_, b)| Arc::clone(b));
+        found.unwrap_or_else(|| {
+            // Others need not wait; at worst two make the same.
+            let background = Arc::new(Background::from_scenario(scenario, side));
+            known().push((key, Arc::clone(&background)));
+            background
+        })
+    }
+}
+
 impl Take {
     /// How many frames it has.
     pub fn n_frames(&self, truth: &Truth) -> usize {
@@ -62,10 +86,12 @@ impl Take {
         &self,
         take_idx: usize,
         settings: &Settings,
+        backgrounds: &Backgrounds,
         watch: &mut impl FnMut(&Played<'_>),
     ) -> Evaluation {
         let truth = Truth::from_scenario(&self.scenario);
-        let renderer = Renderer::new(&self.scenario, &truth, self.side);
+        let background = backgrounds.of(&self.scenario, self.side);
+        let renderer = Renderer::before(background, &self.scenario, &truth, self.side);
         let (width, height) = (renderer.camera().width_px, renderer.camera().height_px);
         let mut luma = vec![0; width * height];
         let mut evaluation = Evaluation::new((width as u32, height as u32), settings);
@@ -91,10 +117,15 @@ impl Scene {
     ///
     /// # Panics
     /// When the scene has no take.
-    pub fn play(&self, method: &Method, mut watch: impl FnMut(&Played<'_>)) -> Row {
+    pub fn play(
+        &self,
+        method: &Method,
+        backgrounds: &Backgrounds,
+        mut watch: impl FnMut(&Played<'_>),
+    ) -> Row {
         let settings = Settings { method: method.clone(), ..Settings::DEFAULT };
         let takes = self.takes.iter().enumerate();
-        let played = takes.map(|(idx, take)| take.play(idx, &settings, &mut watch));
+        let played = takes.map(|(idx, take)| take.play(idx, &settings, backgrounds, &mut watch));
         let score = played.reduce(Evaluation::with).expect("a scene has a take").score(method.name);
         let is_met = self.target.map(|target| target.is_met_by(&score));
         Row { scene: self.name, score, is_met }
@@ -135,6 +166,7 @@ impl Target {
 /// When a thread did.
 pub fn rows(scenes: &[Scene], methods: &[Method], progress: impl Fn(&str) + Sync) -> Vec<Row> {
     let next = AtomicUsize::new(0);
+    let backgrounds = Backgrounds::default();
     let rows = Mutex::new(vec![None; scenes.len() * methods.len()]);
     let work = || {
         loop {
@@ -142,7 +174,7 @@ pub fn rows(scenes: &[Scene], methods: &[Method], progress: impl Fn(&str) + Sync
             let Some(scene) = scenes.get(idx / methods.len()) else { break };
             let method = &methods[idx % methods.len()];
             progress(&format!("{}, {} …", scene.name, method.name));
-            let row = scene.play(method, |_| ());
+            let row = scene.play(method, &backgrounds, |_| ());
             rows.lock().expect("no thread panicked")[idx] = Some(row);
         }
     };

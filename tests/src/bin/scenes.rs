@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use clap::Parser;
 use tests::contact_sheet::ContactSheet;
-use tests::scene_table::{self, Row};
+use tests::scene_table::{self, Backgrounds, Row};
 use tests::scenes::{self, Scene};
 use workers::Settings;
 use workers::method::{self, Method};
@@ -55,11 +55,11 @@ fn main() -> anyhow::Result<()> {
 /// Plays scenes one after the other, with a picture of each.
 fn drawn(scenes: &[Scene], method: &Method, directory: &Path) -> anyhow::Result<Vec<Row>> {
     std::fs::create_dir_all(directory).with_context(|| directory.display().to_string())?;
-    let mut rows = Vec::new();
+    let (mut rows, backgrounds) = (Vec::new(), Backgrounds::default());
     for scene in scenes {
         eprintln!("{}, {} …", scene.name, method.name);
         let mut sheet = ContactSheet::default();
-        rows.push(scene.play(method, |played| sheet.update(played)));
+        rows.push(scene.play(method, &backgrounds, |played| sheet.update(played)));
         let path = directory.join(format!("{}.png", scene.name));
         sheet.to_image().save(&path).with_context(|| path.display().to_string())?;
     }

@@ -142,17 +142,19 @@ fn add_distractors(conditions: &mut Conditions) {
     // One behind the far baseline, one who comes up the alley.
     conditions.people.push(walk([-5.5, 26.0], [6.5, 25.5], 1.0, 1.4));
     conditions.people.push(walk([4.9, 27.0], [4.2, 14.0], 1.2, 1.2));
-    let bird = |from: [f64; 3], velocity: [f64; 3], starts_at_s, span_m, flap_hz| BirdFlight {
+    let bird = |from: [f64; 3], velocity: [f64; 3], starts_at_s| BirdFlight {
         from_in_court_m: Point3::from(from),
         velocity_m_s: Vector3::from(velocity),
         starts_at_s,
         ends_at_s: starts_at_s + 3.0,
-        span_m,
-        flap_hz,
+        span_m: 0.68,
+        flap_hz: 5.0,
+        reflectance: 0.2,
     };
-    // A pigeon before the trees, a swallow over the court.
-    conditions.birds.push(bird([-9.0, 32.0, 3.2], [9.0, 0.0, 0.3], 2.0, 0.68, 5.0));
-    conditions.birds.push(bird([7.0, 20.0, 1.6], [-8.0, 2.0, 0.1], 4.2, 0.33, 8.0));
+    // A pigeon before the trees, a swallow low over the court.
+    conditions.birds.push(bird([-8.5, 28.0, 3.0], [9.0, 0.0, 0.3], 1.9));
+    let swallow = bird([6.0, 17.0, 0.7], [-8.0, 1.5, 0.1], 4.2);
+    conditions.birds.push(BirdFlight { span_m: 0.33, flap_hz: 8.0, reflectance: 0.03, ..swallow });
     for [x_m, y_m] in [[-2.2, 19.0], [1.4, 24.6], [2.6, 15.2], [-0.7, 21.5]] {
         conditions.stray_balls.push(StrayBall::at_rest(x_m, y_m));
     }
@@ -187,7 +189,7 @@ mod tests {
         for (idx, scene) in scenes.iter().enumerate() {
             assert!(scenes[..idx].iter().all(|other| other.name != scene.name));
             assert_eq!(from_name(scene.name).unwrap().contains, scene.contains);
-            assert!(scene.takes.iter().all(|take| take.scenario.launches.len() > 1));
+            assert!(scene.takes.iter().all(|take| !take.scenario.launches.is_empty()));
         }
         assert!(from_name("hard").unwrap_err().contains("easy, noisy, distractors"));
     }
