@@ -211,3 +211,51 @@ fn columns_in(region: &Option<Region>, row: usize) -> Option<std::ops::Range<usi
     let region = region.filter(|r| (r.rows.0..r.rows.1).contains(&row))?;
     Some(region.columns.0..region.columns.1)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::person::Walk;
+
+    /// Light of a dark court with a ball on the ground and somebody who stands at `person_y_m`,
+    /// where the ball is.
+    fn light_of_ball(person_y_m: f64, open: f32) -> f32 {
+        let mut scenario = Scenario::empty();
+        scenario.launches.clear();
+        // Straight ahead of the left camera, 20 m away.
+        let eye = scenario.rig.left.position_in_court_m;
+        let ball = Point3::new(eye.x + 2.1, 20.0, scenario.world.ball_radius_m);
+        let at_y = |y_m: f64| eye.x + 2.1 * y_m / 20.0;
+        scenario.conditions.stray_balls.push(StrayBall::at_rest(ball.x, ball.y));
+        scenario.conditions.people.push(Walk {
+            from_in_court_m: Point2::new(at_y(person_y_m) - 0.05, person_y_m),
+            to_in_court_m: Point2::new(at_y(person_y_m) + 1.0, person_y_m),
+            starts_at_s: 0.0,
+            speed_m_s: 0.05,
+            height_m: 1.8,
+        });
+        let truth = Truth::from_scenario(&scenario);
+        let camera = &scenario.rig.left;
+        let pixel = camera.pixel_from_court(&ball).expect("in view");
+        let mut light = vec![0.0; camera.width_px];
+        let cast = Cast::new(&scenario, &truth, camera, 1.0);
+        cast.draw_row(pixel.y.round() as usize, |_| open, &mut light);
+        light[pixel.x.round() as usize]
+    }
+
+    #[test]
+    fn who_is_nearer_hides_a_ball_and_who_is_farther_does_not() {
+        // At 16 m the line of sight meets dark shorts.
+        let (before, behind) = (light_of_ball(16.0, 1.0), light_of_ball(26.0, 1.0));
+        assert!(behind > 0.25, "{behind}");
+        assert!(before < 0.4 * behind, "{before} {behind}");
+    }
+
+    #[test]
+    fn the_net_takes_its_share_of_what_is_behind_it() {
+        let (whole, veiled) = (light_of_ball(26.0, 1.0), light_of_ball(26.0, 0.8));
+        assert!((veiled / whole - 0.8).abs() < 0.01, "{veiled} {whole}");
+    }
+}

@@ -2,7 +2,7 @@
 //!
 //! A label is the exact image of the ball's centre at the middle of the exposure of its row. It is
 //! hard when less than half of the ball is left by the net and by whoever stands before it, and
-//! when the ball, or the [`EDGE_PX`] around it that tell a whole ball from one that is cut, reach
+//! when the ball, or the 3 pixels around it that tell a whole ball from one that is cut, reach
 //! over the edge of the picture.
 
 use crate::camera::Camera;
