@@ -5,7 +5,8 @@
 //! shade on its ground; shadows, balls and figures, farthest first; lamps, clouds and exposure;
 //! then the sensor behind its haze, its noise, and the grain of an encoder. Nothing is allocated,
 //! and a frame is a function of (scenario, camera, frame, time) alone.
-//! Cost: 2 to 4 ms for 640x480, by what is switched on.
+//! Cost, measured on a busy machine: 1.2 ms for 640x480 with clouds, 2.3 with noise and shade, 6
+//! with everything.
 //! Limits: where the camera is shifted by a part of a pixel the net's share is that of the nearest
 //! pixel; shade keeps its place in the picture.
 

@@ -5,7 +5,7 @@
 //! a periodic field of blurred Gaussian noise, read from a place drawn anew for every frame, plus a
 //! number for each block, and the last five such pictures summed with weights 1, 1/2, 1/4, 1/8,
 //! 1/16: an autoregressive process with a correlation of 0.5, yet a function of the frame's number
-//! alone. In 16 bits, vectorised: about 0.4 ms a frame.
+//! alone. In 16 bits, vectorised.
 //! Units: 1/64 grey level ("q6").
 
 use crate::texture::{hash, periodic_field};
