@@ -11,7 +11,7 @@ use nalgebra::{Point2, Point3, Vector3};
 use crate::camera::{self, Camera, Side};
 use crate::court;
 use crate::net::{self, NetSample};
-use crate::scenario::Scenario;
+use crate::scenario::{Light, Scenario};
 use crate::surroundings::{self, Beyond};
 
 /// Rays along each side of what a pixel sees. Five keep a 0.8 px baseline smooth.
@@ -34,6 +34,31 @@ pub struct Background {
     pub trees_light: Vec<f32>,
     /// Share of every pixel in which they are seen.
     pub trees_open: Vec<f32>,
+}
+
+/// All of a scenario that a background depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BackgroundKey {
+    seed: u64,
+    camera: Camera,
+    light: Light,
+    sky_light: f64,
+    fence_y_m: f64,
+}
+
+impl BackgroundKey {
+    /// Scenarios with the same key have the same background.
+    pub fn from_scenario(scenario: &Scenario, side: Side) -> Self {
+        let camera = scenario.rig.camera(side).clone();
+        Self {
+            seed: scenario.seed,
+            // Nothing moves, so it does not matter when a row is exposed.
+            camera: Camera { row_time_s: 0.0, exposure_s: 0.0, ..camera },
+            light: scenario.light,
+            sky_light: scenario.conditions.overcast.sky_light,
+            fence_y_m: scenario.world.fence_y_m,
+        }
+    }
 }
 
 /// What a ray sees, and the mean of what the rays of a pixel see.
@@ -89,7 +114,11 @@ fn seen_by_ray(scenario: &Scenario, camera: &Camera, ray: &Vector3<f64>) -> Seen
     let net = net_on_ray(camera, ray);
     let net_light = net.reflectance * scenario.light.irradiance(&-Vector3::y());
     let open = 1.0 - net.coverage;
-    let beyond = surroundings::seen(scenario.seed, scenario.world.fence_y_m, eye, ray);
+    let sky_light = match scenario.conditions.overcast.sky_light {
+        0.0 => surroundings::SKY_LIGHT,
+        overcast => overcast,
+    };
+    let beyond = surroundings::seen(scenario.seed, scenario.world.fence_y_m, sky_light, eye, ray);
     let (behind, trees) = match beyond {
         Some(b) => (b.front + b.trees_open * b.trees, b),
         None => (light_of_ground(scenario, eye, ray), Beyond::default()),

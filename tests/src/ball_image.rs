@@ -1,4 +1,4 @@
-//! Flight, camera, time -> the share of a pixel that a ball and its shadow cover.
+//! Path, camera, time -> the share of a pixel that a ball and its shadow cover.
 //!
 //! During an exposure the ball is looked at in up to 16 instants. In each, its outline is an
 //! ellipse in the picture: the image of the circle of radius R across the line of sight. The same
@@ -15,7 +15,6 @@ use crate::camera::Camera;
 use crate::net;
 use crate::scenario::Scenario;
 use crate::spot::{Points, Spot};
-use crate::truth::Flight;
 
 /// Instants within an exposure: one for each half pixel of streak.
 const INSTANTS_MAX: usize = 16;
@@ -30,6 +29,8 @@ struct BallSpot {
     /// The sun in the axes a, b and towards the camera: what it adds for a normal along each.
     sunbeam: [f32; 3],
     ambient: f32,
+    /// How the light of the sky depends on the normal, in the same axes; 0 unless overcast.
+    skylight: [f32; 3],
     is_behind_net: bool,
 }
 
@@ -75,15 +76,15 @@ pub struct BallImage {
 }
 
 impl BallImage {
-    /// The ball as the row sees it whose exposure has its middle at `row_at_s`.
-    pub fn from_flight(
+    /// The ball as the row sees it whose exposure has its middle at `row_at_s`; `path` says where
+    /// the ball is.
+    pub fn from_path(
         scenario: &Scenario,
         camera: &Camera,
-        flight: &Flight,
+        path: &impl Fn(f64) -> Option<Point3<f64>>,
         row_at_s: f64,
     ) -> Self {
-        let at =
-            |share: f64| flight.position_in_court_m(row_at_s + (share - 0.5) * camera.exposure_s);
+        let at = |share: f64| path(row_at_s + (share - 0.5) * camera.exposure_s);
         let pixel = |share| at(share).and_then(|p| camera.pixel_from_court(&p));
         let streak_px = match (pixel(0.0), pixel(1.0)) {
             (Some(a), Some(b)) => (b - a).norm(),
@@ -140,10 +141,10 @@ impl BallSpot {
             let (u, v) = self.spot.unit(x_px + dx, y_px + dy);
             let rest = 1.0 - u * u - v * v;
             if rest > 0.0 {
-                let [sun_u, sun_v, sun_w] = self.sunbeam;
-                let facing = u * sun_u + v * sun_v + rest.sqrt() * sun_w;
+                let w = rest.sqrt();
+                let along = |[a, b, c]: [f32; 3]| u * a + v * b + w * c;
                 coverage += 1.0;
-                light += self.ambient + facing.max(0.0);
+                light += self.ambient + along(self.skylight) + along(self.sunbeam).max(0.0);
             }
         }
         let n = Points::COUNT as f32;
@@ -177,10 +178,13 @@ fn ball_spot(
     let light = &scenario.light;
     let beam = BALL_REFLECTANCE * light.sunbeam();
     let sun = &light.sun_in_court;
+    let sky = scenario.conditions.overcast.irradiance();
+    let diffuse = BALL_REFLECTANCE * (1.0 - light.contrast);
     Some(BallSpot {
         spot,
         sunbeam: [a, b, -sight].map(|axis| (beam * axis.dot(sun)) as f32),
-        ambient: (BALL_REFLECTANCE * (1.0 - light.contrast)) as f32,
+        ambient: (diffuse * sky.mean) as f32,
+        skylight: [a, b, -sight].map(|axis| (diffuse * sky.upward * axis.z) as f32),
         is_behind_net: center_in_court_m.y > net::Y_M,
     })
 }
@@ -213,20 +217,14 @@ fn shadow_spot(
 
 /// The pixels that a ball and its shadow may touch in a frame whose first row is exposed at
 /// `frame_at_s`.
-pub fn regions_from_flight(
+pub fn regions_from_path(
     scenario: &Scenario,
     camera: &Camera,
-    flight: &Flight,
+    path: &impl Fn(f64) -> Option<Point3<f64>>,
     frame_at_s: f64,
 ) -> [Option<Region>; 2] {
-    let ball = |at_s: f64| {
-        let center = flight.position_in_court_m(at_s)?;
-        ball_spot(scenario, camera, &center).map(|b| b.spot)
-    };
-    let shadow = |at_s: f64| {
-        let center = flight.position_in_court_m(at_s)?;
-        shadow_spot(scenario, camera, &center).map(|s| s.spot)
-    };
+    let ball = |at_s: f64| ball_spot(scenario, camera, &path(at_s)?).map(|b| b.spot);
+    let shadow = |at_s: f64| shadow_spot(scenario, camera, &path(at_s)?).map(|s| s.spot);
     [region(camera, ball, frame_at_s), region(camera, shadow, frame_at_s)]
 }
 
@@ -268,9 +266,9 @@ mod tests {
     fn area_px(scenario: &Scenario, at_s: f64) -> (f32, f32) {
         let camera = &scenario.rig.left;
         let truth = Truth::from_scenario(scenario);
-        let flight = &truth.flights[0];
-        let image = BallImage::from_flight(scenario, camera, flight, at_s);
-        let [ball, _] = regions_from_flight(scenario, camera, flight, at_s);
+        let path = |at_s| truth.flights[0].position_in_court_m(at_s);
+        let image = BallImage::from_path(scenario, camera, &path, at_s);
+        let [ball, _] = regions_from_path(scenario, camera, &path, at_s);
         let region = ball.expect("in view");
         let (mut inside, mut around) = (0.0, 0.0);
         for row in region.rows.0 - 5..region.rows.1 + 5 {

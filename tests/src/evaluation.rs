@@ -24,6 +24,15 @@ pub struct Score {
     pub fp_per_frame: f64,
     /// RMS distance of the found from their labels; None when none was found.
     pub centroid_rms_px: Option<f64>,
+    /// Mean of found minus label, to the right; not among the fields of the format.
+    #[serde(skip)]
+    pub bias_x_px: Option<f64>,
+    /// Mean of found minus label, downwards.
+    #[serde(skip)]
+    pub bias_y_px: Option<f64>,
+    /// Balls that count.
+    #[serde(skip)]
+    pub n_balls: usize,
     /// Median time of the worker step.
     pub ms_per_frame: f64,
 }
@@ -35,7 +44,8 @@ pub struct Evaluation {
     n_played: u64,
     n_frames: usize,
     n_balls: usize,
-    squares_px2: Vec<f64>,
+    /// Found minus label.
+    offsets_px: Vec<[f64; 2]>,
     n_false: usize,
     times_ms: Vec<f64>,
 }
@@ -49,7 +59,7 @@ impl Evaluation {
             n_played: 0,
             n_frames: 0,
             n_balls: 0,
-            squares_px2: Vec::new(),
+            offsets_px: Vec::new(),
             n_false: 0,
             times_ms: Vec::new(),
         }
@@ -70,33 +80,50 @@ impl Evaluation {
         self.n_played += 1;
         self.n_frames += 1;
         let label = labels.get(&frame_idx);
-        let distance_px = |spot: &Candidate| {
+        let offset_px = |spot: &Candidate| {
             let to = label?;
-            Some((f64::from(spot.x_px) - to.x_px).hypot(f64::from(spot.y_px) - to.y_px))
+            Some([f64::from(spot.x_px) - to.x_px, f64::from(spot.y_px) - to.y_px])
         };
-        let distances = message.spots().iter().map(distance_px);
+        let offsets = message.spots().iter().map(offset_px);
         let (near, far): (Vec<_>, Vec<_>) =
-            distances.partition(|distance| distance.is_some_and(|d| d <= FOUND_WITHIN_PX));
+            offsets.partition(|offset| offset.is_some_and(|o| length_px(&o) <= FOUND_WITHIN_PX));
         self.n_false += far.len() + message.n_dropped as usize;
         if label.is_some_and(|label| !label.is_hard) {
             self.n_balls += 1;
-            let nearest = near.into_iter().flatten().min_by(f64::total_cmp);
-            self.squares_px2.extend(nearest.map(|distance| distance * distance));
+            let by_length = |a: &[f64; 2], b: &[f64; 2]| length_px(a).total_cmp(&length_px(b));
+            self.offsets_px.extend(near.into_iter().flatten().min_by(by_length));
         }
         message.spots().to_vec()
+    }
+
+    /// Adds what another one counted; the same detector saw another clip.
+    #[must_use]
+    pub fn with(mut self, other: Self) -> Self {
+        self.n_frames += other.n_frames;
+        self.n_balls += other.n_balls;
+        self.n_false += other.n_false;
+        self.offsets_px.extend(other.offsets_px);
+        self.times_ms.extend(other.times_ms);
+        self
     }
 
     /// The row of the table.
     #[must_use]
     pub fn score(mut self, method: &'static str) -> Score {
-        let n_found = self.squares_px2.len();
-        let mean_px2 = self.squares_px2.iter().sum::<f64>() / n_found as f64;
+        let n_found = self.offsets_px.len();
+        let mean = |of: fn(&[f64; 2]) -> f64| {
+            let sum = self.offsets_px.iter().map(of).sum::<f64>();
+            (n_found > 0).then(|| sum / n_found as f64)
+        };
         self.times_ms.sort_by(f64::total_cmp);
         Score {
             method,
             tpr: (self.n_balls > 0).then(|| n_found as f64 / self.n_balls as f64),
             fp_per_frame: self.n_false as f64 / self.n_frames.max(1) as f64,
-            centroid_rms_px: (n_found > 0).then(|| mean_px2.sqrt()),
+            centroid_rms_px: mean(|[dx, dy]| dx * dx + dy * dy).map(f64::sqrt),
+            bias_x_px: mean(|[dx, _]| *dx),
+            bias_y_px: mean(|[_, dy]| *dy),
+            n_balls: self.n_balls,
             ms_per_frame: self.times_ms.get(self.times_ms.len() / 2).copied().unwrap_or(0.0),
         }
     }
@@ -104,6 +131,10 @@ impl Evaluation {
     fn next_info(&self) -> FrameInfo {
         FrameInfo { frame_idx: self.n_played, ..FrameInfo::default() }
     }
+}
+
+fn length_px([dx, dy]: &[f64; 2]) -> f64 {
+    dx.hypot(*dy)
 }
 
 /// The table as text.
@@ -163,5 +194,24 @@ mod tests {
         let score = blind.score("test-5");
         assert_eq!((score.tpr, score.centroid_rms_px), (Some(0.0), None));
         assert!((score.fp_per_frame - 20.0 / 60.0).abs() < 0.02, "{score:?}");
+    }
+    #[test]
+    fn the_bias_is_found_minus_label_and_clips_add_up() {
+        // The labels lie 1 px left of and 0.5 px below the middle.
+        let moved = |label: Label| Label { x_px: label.x_px - 1.0, y_px: 20.0, ..label };
+        let labels: Labels = (0..60).filter_map(|k| Some((k, moved(frame(k).1?)))).collect();
+        let settings = Settings { method: Method::TEST_5, ..Settings::DEFAULT };
+        let run = || {
+            let mut evaluation = Evaluation::new((160, 40), &settings);
+            for frame_idx in 0..60 {
+                evaluation.update(frame_idx, &frame(frame_idx).0, &labels);
+            }
+            evaluation
+        };
+        let (one, two) = (run().score("test-5"), run().with(run()).score("test-5"));
+        assert!((one.bias_y_px.unwrap() + 0.5).abs() < 0.1, "{one:?}");
+        assert!(one.bias_x_px.unwrap() > 0.5, "{one:?}");
+        assert_eq!((one.tpr, one.bias_y_px), (two.tpr, two.bias_y_px));
+        assert_eq!(2 * one.n_balls, two.n_balls);
     }
 }

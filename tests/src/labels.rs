@@ -82,16 +82,18 @@ pub fn from_csv(reader: impl Read) -> Result<Labels, Error> {
     Ok(labels)
 }
 
-/// Writes labels of balls that all count.
+/// Writes labels; without a column `hard` when all balls count.
 ///
 /// # Errors
 /// When the writer fails.
 pub fn to_csv(labels: &Labels, writer: impl Write) -> Result<(), Error> {
     let mut rows = csv::Writer::from_writer(writer);
-    rows.write_record(["frame", "x_px", "y_px"])?;
+    let n_columns = if labels.values().any(|label| label.is_hard) { 4 } else { 3 };
+    rows.write_record(&["frame", "x_px", "y_px", "hard"][..n_columns])?;
     for (frame_idx, label) in labels {
         let [x, y] = [label.x_px, label.y_px].map(|pixel| format!("{pixel:.3}"));
-        rows.write_record([frame_idx.to_string(), x, y])?;
+        let row = [frame_idx.to_string(), x, y, u8::from(label.is_hard).to_string()];
+        rows.write_record(&row[..n_columns])?;
     }
     rows.flush().map_err(csv::Error::from)?;
     Ok(())
@@ -109,10 +111,17 @@ mod tests {
         assert!(labels[&5].is_hard);
         let mut bytes = Vec::new();
         to_csv(&labels, &mut bytes).unwrap();
-        assert_eq!(
-            String::from_utf8(bytes).unwrap(),
-            "frame,x_px,y_px\n3,10.500,20.000\n5,1.000,2.000\n"
-        );
+        let text = String::from_utf8(bytes).unwrap();
+        assert_eq!(text, "frame,x_px,y_px,hard\n3,10.500,20.000,0\n5,1.000,2.000,1\n");
+        assert_eq!(from_csv(text.as_bytes()).unwrap(), labels);
+    }
+
+    #[test]
+    fn labels_that_all_count_need_no_column_to_say_so() {
+        let labels = from_csv("frame,x,y\n3,10.5,20\n".as_bytes()).unwrap();
+        let mut bytes = Vec::new();
+        to_csv(&labels, &mut bytes).unwrap();
+        assert_eq!(String::from_utf8(bytes).unwrap(), "frame,x_px,y_px\n3,10.500,20.000\n");
     }
 
     #[test]

@@ -8,6 +8,13 @@
 //! [`background`]; balls ([`spot`], [`ball_image`]) and sensor [`noise`] on it, with
 //! [`swaying_trees`] on a windy day, make the frames ([`renderer`]), and those a [`shot_folder`].
 //!
+//! A real court has more ([`conditions`]): [`lamps`], [`daylight`] that changes, an [`overcast`]
+//! sky, moving [`shade`], [`haze`], the [`grain`] of an encoder, a camera that is not still
+//! ([`shake`]); a [`person`] or a [`bird`] comes by ([`figure`] draws both), a [`stray_ball`] lies
+//! about. [`cast`] says who is in a frame, [`conditioned`] renders it, [`sight`] labels the ball.
+//! [`scenes`] gives names to what is hard about a court, [`scene_table`] says how a detector fares,
+//! a [`contact_sheet`] shows it.
+//!
 //! [`player`] plays a scenario into shared memory, [`processes`] and [`chain`] start the real
 //! binaries. [`labels`], [`evaluation`] and [`overlay`] say and show how well balls are found.
 //!
@@ -17,6 +24,8 @@
 
 // In the order of the chain; the blank lines keep rustfmt from sorting them.
 pub mod scenario;
+
+pub mod conditions;
 
 pub mod world;
 
@@ -38,6 +47,28 @@ pub mod surroundings;
 
 pub mod background;
 
+pub mod lamps;
+
+pub mod daylight;
+
+pub mod overcast;
+
+pub mod shake;
+
+pub mod haze;
+
+pub mod grain;
+
+pub mod shade;
+
+pub mod stray_ball;
+
+pub mod figure;
+
+pub mod person;
+
+pub mod bird;
+
 pub mod spot;
 
 pub mod ball_image;
@@ -46,7 +77,13 @@ pub mod noise;
 
 pub mod swaying_trees;
 
+pub mod cast;
+
+pub mod conditioned;
+
 pub mod renderer;
+
+pub mod sight;
 
 pub mod shot_folder;
 
@@ -61,3 +98,9 @@ pub mod labels;
 pub mod evaluation;
 
 pub mod overlay;
+
+pub mod scenes;
+
+pub mod scene_table;
+
+pub mod contact_sheet;

@@ -5,42 +5,56 @@
 //! out anew in linear light and get the same noise samples. Nothing is allocated, and frame k of a
 //! camera is a function of (scenario, camera, k, time) alone, whatever was rendered before.
 //! Cost, estimated: 307 200 pixels x 7 bytes through the cache, 0.1 ms; ball 0.05-0.2 ms.
+//! Frames under [`crate::conditions`] are made in [`crate::conditioned`].
 //! Limit: at most 4 balls at once are drawn.
+
+use std::sync::Arc;
 
 use crate::background::Background;
 use crate::ball_image::{self, BallImage, Region};
 use crate::camera::{Camera, Side};
+use crate::cast::FLIGHTS_MAX as BALLS_MAX;
+use crate::conditioned::Kit;
 use crate::noise::{self, Noise, RowKey};
 use crate::scenario::Scenario;
 use crate::swaying_trees::{SwayedRow, SwayingTrees};
 use crate::truth::{Flight, Truth};
 
-/// Balls that one frame can show.
-const BALLS_MAX: usize = 4;
-
 /// One camera at the court that is not there.
 pub struct Renderer {
-    scenario: Scenario,
-    truth: Truth,
-    side: Side,
-    background: Background,
-    noise: Noise,
+    pub(crate) scenario: Scenario,
+    pub(crate) truth: Truth,
+    pub(crate) side: Side,
+    pub(crate) background: Arc<Background>,
+    pub(crate) noise: Noise,
     /// Mean brightness of the background, in 1/64 grey level.
-    mean_q6: Vec<i16>,
+    pub(crate) mean_q6: Vec<i16>,
     /// Noise of the background.
     scale: Vec<i16>,
-    trees: SwayingTrees,
+    pub(crate) trees: SwayingTrees,
+    /// `None` on a calm day.
+    kit: Option<Kit>,
 }
 
 impl Renderer {
     /// Prepares a camera; takes about a second.
     pub fn new(scenario: &Scenario, truth: &Truth, side: Side) -> Self {
-        let background = Background::from_scenario(scenario, side);
+        let background = Arc::new(Background::from_scenario(scenario, side));
+        Self::before(background, scenario, truth, side)
+    }
+
+    /// Prepares a camera whose background is known: that of this scenario and this side.
+    pub fn before(
+        background: Arc<Background>,
+        scenario: &Scenario,
+        truth: &Truth,
+        side: Side,
+    ) -> Self {
         let noise = Noise::new(scenario.seed, scenario.noise_level);
         let levels = background.light.iter().map(|&light| noise.level_from_light(light));
         let (mean_q6, scale) = levels.map(|l| (l.mean_q6, l.scale)).unzip();
         let trees = SwayingTrees::from_background(&background, &noise, scenario.sway_px);
-        Self {
+        let mut renderer = Self {
             scenario: scenario.clone(),
             truth: truth.clone(),
             side,
@@ -49,7 +63,12 @@ impl Renderer {
             mean_q6,
             scale,
             trees,
+            kit: None,
+        };
+        if !scenario.conditions.are_calm() {
+            renderer.kit = Some(Kit::new(&renderer, side));
         }
+        renderer
     }
 
     /// The camera whose frames these are.
@@ -57,11 +76,19 @@ impl Renderer {
         self.scenario.rig.camera(self.side)
     }
 
+    /// The camera as it looks at a time: one that is shaken sees everything shifted.
+    pub fn camera_at(&self, exposed_at_s: f64) -> Camera {
+        self.scenario.conditions.shake.camera(self.camera(), exposed_at_s)
+    }
+
     /// Renders a frame whose first row's exposure has its middle at `exposed_at_s` (scenario clock)
     /// into `out`, row-major luma, exactly as large as the picture.
     pub fn render_into(&self, frame_idx: u64, exposed_at_s: f64, out: &mut [u8]) {
         let width = self.background.width_px;
         assert_eq!(out.len(), self.mean_q6.len(), "a luma buffer of the camera's size");
+        if let Some(kit) = &self.kit {
+            return self.render_conditioned(kit, frame_idx, exposed_at_s, out);
+        }
         let rows = out
             .chunks_exact_mut(width)
             .zip(self.mean_q6.chunks_exact(width).zip(self.scale.chunks_exact(width)));
@@ -78,7 +105,7 @@ impl Renderer {
         self.draw_balls(frame_idx, exposed_at_s, out);
     }
 
-    fn row_key(&self, frame_idx: u64, row_idx: usize) -> RowKey {
+    pub(crate) fn row_key(&self, frame_idx: u64, row_idx: usize) -> RowKey {
         RowKey { camera_idx: self.side as u64, frame_idx, row_idx }
     }
 
@@ -88,13 +115,16 @@ impl Renderer {
         let half_s = 0.5 * camera.exposure_s;
         let mut flights: [Option<&Flight>; BALLS_MAX] = [None; BALLS_MAX];
         let in_air = self.truth.flights_between(exposed_at_s - half_s, last_row_at_s + half_s);
-        for (slot, flight) in flights.iter_mut().zip(in_air) {
+        let regions_of = |flight: &Flight| {
+            let path = |at_s| flight.position_in_court_m(at_s);
+            ball_image::regions_from_path(&self.scenario, camera, &path, exposed_at_s)
+        };
+        let in_sight = in_air.filter(|flight| regions_of(flight) != [None; 2]);
+        for (slot, flight) in flights.iter_mut().zip(in_sight) {
             *slot = Some(flight);
         }
         for flight in flights.iter().flatten() {
-            let regions =
-                ball_image::regions_from_flight(&self.scenario, camera, flight, exposed_at_s);
-            for region in regions.into_iter().flatten() {
+            for region in regions_of(flight).into_iter().flatten() {
                 self.draw_region(frame_idx, exposed_at_s, &flights, region, out);
             }
         }
@@ -114,7 +144,10 @@ impl Renderer {
         let images_of_row = |row: usize| {
             let row_at_s = camera.row_exposed_at_s(exposed_at_s, row as f64);
             flights.map(|flight| {
-                flight.map(|f| BallImage::from_flight(&self.scenario, camera, f, row_at_s))
+                let path = |f: &Flight, at_s| f.position_in_court_m(at_s);
+                flight.map(|f| {
+                    BallImage::from_path(&self.scenario, camera, &|at_s| path(f, at_s), row_at_s)
+                })
             })
         };
         let mut images = images_of_row(region.rows.0);

@@ -13,6 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use crate::camera::{Camera, Side};
+use crate::conditions::Conditions;
 use crate::truth::Flight;
 use crate::world::World;
 
@@ -143,6 +144,8 @@ pub struct Scenario {
     pub sway_px: f64,
     /// Sensor noise as a multiple of that of `data/unpack`; 0 is none.
     pub noise_level: f64,
+    /// What else a real court has; nothing on a calm day.
+    pub conditions: Conditions,
 }
 
 /// Ranges that random scenarios are drawn from.
@@ -253,6 +256,7 @@ impl Scenario {
             light: Light::from_sun(42f64.to_radians(), 125f64.to_radians(), 0.6),
             sway_px: 0.0,
             noise_level: 1.0,
+            conditions: Conditions::default(),
         }
     }
 

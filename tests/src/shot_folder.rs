@@ -12,8 +12,8 @@ use std::thread;
 use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 
-use crate::camera::{self, Camera, Side};
-use crate::labels::{self, Label, Labels};
+use crate::camera::{self, Side};
+use crate::labels::{self, Labels};
 use crate::renderer::Renderer;
 use crate::scenario::Scenario;
 use crate::truth::{Flight, Truth};
@@ -59,7 +59,7 @@ fn write_camera(
     let mut labels = Labels::new();
     for frame_idx in 0..n_frames {
         let exposed_at_s = scenario.exposed_at_s(side, frame_idx);
-        let label = label_at(truth, renderer.camera(), exposed_at_s);
+        let label = renderer.label_at(exposed_at_s);
         labels.extend(label.map(|label| (frame_idx as usize, label)));
         renderer.render_into(frame_idx, exposed_at_s, &mut luma);
         video.write_all(b"FRAME\n")?;
@@ -71,17 +71,6 @@ fn write_camera(
     labels::to_csv(&labels, BufWriter::new(file)).map_err(io::Error::other)?;
     video.flush()?;
     stamps.flush()
-}
-
-/// Where the ball's centre is seen in a frame; `None` when it is not in the picture.
-fn label_at(truth: &Truth, camera: &Camera, first_row_at_s: f64) -> Option<Label> {
-    let seen_at = |at_s: f64| camera.pixel_from_court(&truth.position_in_court_m(at_s)?);
-    // Its row says when it was exposed; a ball moves a fraction of a row meanwhile.
-    let row_px = seen_at(first_row_at_s)?.y;
-    let pixel = seen_at(camera.row_exposed_at_s(first_row_at_s, row_px))?;
-    let is_inside = |at_px: f64, n_px: usize| (0.0..=(n_px - 1) as f64).contains(&at_px);
-    let is_seen = is_inside(pixel.x, camera.width_px) && is_inside(pixel.y, camera.height_px);
-    is_seen.then_some(Label { x_px: pixel.x, y_px: pixel.y, is_hard: false })
 }
 
 /// A frame rate as a fraction, to a thousandth.

@@ -22,7 +22,8 @@ const WIRE_COVERAGE: f64 = 0.10;
 const SCREEN_LIGHT: f64 = 0.024;
 const POST_LIGHT: f64 = 0.045;
 const WIRE_LIGHT: f64 = 0.05;
-const SKY_LIGHT: f64 = 0.55;
+/// A blue sky at the horizon.
+pub const SKY_LIGHT: f64 = 0.55;
 const LEAVES_LIGHT: f64 = 0.013;
 
 /// What a ray sees beyond the court: light = front + trees_open * trees.
@@ -37,16 +38,22 @@ pub struct Beyond {
 }
 
 /// What comes from beyond the court, if the ray does not meet the ground before the fence.
-pub fn seen(seed: u64, fence_y_m: f64, eye: &Point3<f64>, ray: &Vector3<f64>) -> Option<Beyond> {
+pub fn seen(
+    seed: u64,
+    fence_y_m: f64,
+    sky_light: f64,
+    eye: &Point3<f64>,
+    ray: &Vector3<f64>,
+) -> Option<Beyond> {
     if ray.y <= 0.0 {
-        return Some(Beyond { front: sky(ray), ..Beyond::default() });
+        return Some(Beyond { front: sky(sky_light, ray), ..Beyond::default() });
     }
     let fence = eye + ray * ((fence_y_m - eye.y) / ray.y);
     if fence.z < 0.0 {
         return None;
     }
     // Trees are worked out behind posts, too: what sways appears from behind them.
-    let trees = trees(seed, fence_y_m, eye, ray);
+    let trees = trees(seed, fence_y_m, sky_light, eye, ray);
     let (front, trees_open) = if fence.z > FENCE_HEIGHT_M {
         (0.0, 1.0)
     } else if is_frame(&fence) {
@@ -69,23 +76,23 @@ fn is_frame(fence: &Point3<f64>) -> bool {
 }
 
 /// Leaves, and the sky between and above them.
-fn trees(seed: u64, fence_y_m: f64, eye: &Point3<f64>, ray: &Vector3<f64>) -> f64 {
+fn trees(seed: u64, fence_y_m: f64, sky_light: f64, eye: &Point3<f64>, ray: &Vector3<f64>) -> f64 {
     let p = eye + ray * ((fence_y_m + TREES_BEHIND_FENCE_M - eye.y) / ray.y);
     let crown_m = 7.0 + 2.5 * value_noise(seed ^ 0x77, p.x * 0.25, 0.0);
     let leaves = fractal_noise(seed ^ 0x7e, p.x * 5.0, p.z * 5.0, 2);
     let mass = fractal_noise(seed ^ 0x7f, p.x * 0.6, p.z * 0.6, 2);
     let gap = leaves + 1.1 * mass + 0.10 * (p.z - crown_m);
     if gap > 0.35 {
-        return sky(ray);
+        return sky(sky_light, ray);
     }
     // Lit leaves are few and bright among many dark ones.
     let lit = (0.8 + 1.1 * leaves + 0.7 * mass).max(0.2);
     LEAVES_LIGHT * lit * lit
 }
 
-fn sky(ray: &Vector3<f64>) -> f64 {
+fn sky(sky_light: f64, ray: &Vector3<f64>) -> f64 {
     // Brightest at the horizon.
-    SKY_LIGHT * (1.0 - 0.3 * (ray.z / ray.norm()).clamp(0.0, 1.0))
+    sky_light * (1.0 - 0.3 * (ray.z / ray.norm()).clamp(0.0, 1.0))
 }
 
 #[cfg(test)]
@@ -96,13 +103,14 @@ mod tests {
 
     #[test]
     fn the_ground_before_the_fence_is_none_of_its_business() {
-        assert_eq!(seen(1, 30.0, &EYE, &Vector3::new(0.0, 1.0, -0.2)), None);
+        assert_eq!(seen(1, 30.0, SKY_LIGHT, &EYE, &Vector3::new(0.0, 1.0, -0.2)), None);
     }
 
     #[test]
     fn the_screen_is_dark_and_the_sky_is_bright() {
-        let screen = seen(1, 30.0, &EYE, &Vector3::new(0.04, 1.0, -0.09)).expect("the screen");
-        let sky = seen(1, 30.0, &EYE, &Vector3::new(0.0, 1.0, 1.0)).expect("the sky");
+        let screen =
+            seen(1, 30.0, SKY_LIGHT, &EYE, &Vector3::new(0.04, 1.0, -0.09)).expect("the screen");
+        let sky = seen(1, 30.0, SKY_LIGHT, &EYE, &Vector3::new(0.0, 1.0, 1.0)).expect("the sky");
         assert!(screen.front < 0.04 && screen.trees_open == 0.0, "{screen:?}");
         assert!(sky.trees > 0.3 && sky.trees_open == 1.0, "{sky:?}");
     }

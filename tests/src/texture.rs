@@ -2,7 +2,12 @@
 //!
 //! Value noise: a hash gives every corner of a unit grid a number, a smooth blend fills the cells,
 //! octaves add detail. Integer arithmetic and one fixed blend: the same texture on every machine.
+//! A periodic field of blurred Gaussian noise serves what has no place of its own.
 //! Source: Perlin's smoothstep; splitmix64 (Steele, Lea, Flood, OOPSLA 2014).
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 /// A well mixed 64-bit number from another (splitmix64).
 pub fn hash(key: u64) -> u64 {
@@ -38,6 +43,30 @@ pub fn fractal_noise(seed: u64, x: f64, y: f64, n_octaves: u32) -> f64 {
     sum
 }
 
+/// Gaussian noise with a standard deviation of one, blurred by a Gaussian of `blur_px`; row-major,
+/// and every edge continues at the opposite one.
+pub fn periodic_field(seed: u64, n_columns: usize, n_rows: usize, blur_px: f64) -> Vec<f32> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let white: Vec<f32> =
+        (0..n_columns * n_rows).map(|_| rng.sample::<f32, _>(StandardNormal)).collect();
+    let reach = (3.0 * blur_px).ceil() as usize;
+    let weight = |away: usize| (-0.5 * (away as f64 / blur_px).powi(2)).exp();
+    let kernel: Vec<f64> = (0..=2 * reach).map(|k| weight(k.abs_diff(reach))).collect();
+    // Blurring keeps the share sum(w^2) of the variance, once for each direction.
+    let norm = kernel.iter().map(|w| w * w).sum::<f64>().sqrt();
+    let kernel: Vec<f32> = kernel.iter().map(|w| (w / norm) as f32).collect();
+    let blurred = |source: &[f32], step: usize, n_along: usize| -> Vec<f32> {
+        let value = |idx: usize| {
+            let along = idx / step % n_along;
+            let first = idx - along * step;
+            let from = |k: usize| first + (along + n_along + k - reach) % n_along * step;
+            kernel.iter().enumerate().map(|(k, w)| w * source[from(k)]).sum()
+        };
+        (0..source.len()).map(value).collect()
+    };
+    blurred(&blurred(&white, 1, n_columns), n_columns, n_rows)
+}
+
 /// Without SSE 4.1, which is not assumed, `f64::floor` is a call and costs more than the rest.
 fn floor(x: f64) -> i64 {
     let whole = x as i64;
@@ -60,6 +89,21 @@ mod tests {
             assert!(here.abs() <= 1.0);
             assert!((fractal_noise(5, x + 1e-6, y, 4) - here).abs() < 1e-4);
         }
+    }
+
+    #[test]
+    fn a_field_has_unit_variance_and_no_edges() {
+        let (n_columns, n_rows) = (256, 128);
+        let field = periodic_field(3, n_columns, n_rows, 2.0);
+        let n = field.len() as f32;
+        let variance = field.iter().map(|v| v * v).sum::<f32>() / n;
+        // About 2600 independent values: 1 sigma of the variance is 3 %.
+        assert!((variance - 1.0).abs() < 0.1, "{variance}");
+        let step = |a: usize, b: usize| (field[a] - field[b]).powi(2);
+        let across = (0..n_rows).map(|r| step(r * n_columns, r * n_columns + n_columns - 1));
+        let inside = (0..n_rows).map(|r| step(r * n_columns + 100, r * n_columns + 101));
+        let ratio = across.sum::<f32>() / inside.sum::<f32>();
+        assert!((0.5..2.0).contains(&ratio), "{ratio}");
     }
 
     #[test]

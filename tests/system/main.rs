@@ -9,4 +9,5 @@ mod refusals; // bad input: named, with its place, and nothing left behind
 mod residents; // processes that are killed, and Ctrl-C
 mod run; // starting `track` and reading what it wrote
 mod same_bits; // the candidates do not depend on the number of workers
+mod scenes; // how well balls are found, scene by scene
 mod tidy; // the house rules

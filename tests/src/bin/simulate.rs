@@ -14,6 +14,7 @@ use tests::camera::Side;
 use tests::player::Programme;
 use tests::renderer::Renderer;
 use tests::scenario::{Scenario, ScenarioOptions};
+use tests::scenes;
 use tests::shot_folder;
 use tests::truth::Truth;
 
@@ -32,6 +33,24 @@ struct Flags {
     output: OutputFlags,
 }
 
+/// Flags that a scene leaves nothing to say to.
+const PLAY_FLAGS: [&str; 14] = [
+    "seed",
+    "shots",
+    "thesis_shot",
+    "period_s",
+    "first_launch_s",
+    "wind_sigma_m_s",
+    "noise",
+    "sway_px",
+    "contrast",
+    "fps",
+    "exposure_us",
+    "row_time_us",
+    "right_offset_ns",
+    "right_phase_ns",
+];
+
 /// What is played, and how it is seen.
 #[derive(Args)]
 struct PlayFlags {
@@ -41,6 +60,9 @@ struct PlayFlags {
     /// How many balls the machine serves.
     #[arg(long, default_value_t = 1)]
     shots: usize,
+    /// A scene of the binary `scenes`, its first take.
+    #[arg(long, conflicts_with_all = PLAY_FLAGS)]
+    scene: Option<String>,
     /// The thesis' own shot: 100 km/h at 8.1 degrees, no spin.
     #[arg(long, conflicts_with_all = ["shots", "period_s", "first_launch_s", "wind_sigma_m_s"])]
     thesis_shot: bool,
@@ -133,7 +155,12 @@ enum CameraName {
 
 fn main() -> anyhow::Result<()> {
     let flags = Flags::parse();
-    let scenario = scenario_from_flags(&flags.play);
+    let scenario = match &flags.play.scene {
+        Some(name) => {
+            scenes::from_name(name).map_err(anyhow::Error::msg)?.takes.swap_remove(0).scenario
+        }
+        None => scenario_from_flags(&flags.play),
+    };
     let truth = Truth::from_scenario(&scenario);
     let output = &flags.output;
     let side = match output.camera {
