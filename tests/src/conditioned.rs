@@ -21,7 +21,6 @@ use crate::shade::ShadedGround;
 /// Widest picture; rows are worked out on the stack.
 const WIDTH_MAX_PX: usize = 1440;
 /// Around a ball, the background that its contrast is measured against.
-const AROUND_PX: usize = 3;
 
 /// What conditions need that a calm day does not.
 #[derive(Clone, Debug)]
@@ -146,17 +145,19 @@ impl Renderer {
         }
     }
 
-    /// Gives every ball in flight its contrast against the background around it.
+    /// Gives every ball in flight its contrast against the background that it hides.
     fn set_contrast(&self, cast: &mut Cast<'_>, contrast_grey: f64) {
         let width = self.background.width_px;
         for ball in cast.flying() {
             let Some(region) = ball.regions[0] else { continue };
-            let range = |(from, to): (usize, usize), n: usize| {
-                from.saturating_sub(AROUND_PX)..(to + AROUND_PX).min(n)
+            // The ball is the middle of what its blur may touch.
+            let middle_half = |(from, to): (usize, usize), n: usize| {
+                let quarter = (to - from) / 4;
+                (from + quarter).min(n - 1)..(to - quarter).clamp(from + quarter + 1, n)
             };
             let (mut sum, mut n) = (0.0, 0.0);
-            for row in range(region.rows, self.background.height_px) {
-                let columns = range(region.columns, width);
+            for row in middle_half(region.rows, self.background.height_px) {
+                let columns = middle_half(region.columns, width);
                 n += columns.len() as f64;
                 let of_row = &self.mean_q6[row * width..][columns];
                 sum += of_row.iter().map(|q6| f64::from(*q6) / 64.0).sum::<f64>();

@@ -1,9 +1,9 @@
 //! Renderer, time -> where the ball is seen in a frame, and whether it can be.
 //!
 //! A label is the exact image of the ball's centre at the middle of the exposure of its row. It is
-//! hard when less than half of the ball is left by the net and by whoever stands before it, and
-//! when the ball, or the 3 pixels around it that tell a whole ball from one that is cut, reach
-//! over the edge of the picture.
+//! hard when less than half of the ball is left by the net and by whoever stands before it, when
+//! the ball, or the 3 pixels around it that tell a whole ball from one that is cut, reach over the
+//! edge of the picture, and after the second bounce, when the ball is dead and nobody asks for it.
 
 use crate::camera::Camera;
 use crate::cast::Cast;
@@ -33,8 +33,10 @@ impl Renderer {
         let cast = Cast::new(&self.scenario, &self.truth, &camera, first_row_at_s);
         let shift_px = self.scenario.conditions.shake.shift_px(first_row_at_s);
         let open = |column, row| self.open(column, row, shift_px);
-        let is_hard =
-            self.is_cut(&camera, at_s) || cast.visible_share(flight, open) < VISIBLE_SHARE_MIN;
+        let is_dead = flight.bounces.get(1).is_some_and(|bounce| bounce.bounced_at_s < at_s);
+        let is_hard = is_dead
+            || self.is_cut(&camera, at_s)
+            || cast.visible_share(flight, open) < VISIBLE_SHARE_MIN;
         Some(Label { x_px: pixel.x, y_px: pixel.y, is_hard })
     }
 

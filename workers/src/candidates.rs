@@ -3,6 +3,7 @@
 use crate::blobs::Blob;
 use crate::disc::{self, Disc};
 use crate::method::Mask;
+use crate::recent::Recent;
 use crate::response::Response;
 use crate::spot::{self, Spot};
 use crate::strip::{DUPLICATE_PX, MAX_BALL_PX, Strip};
@@ -88,6 +89,7 @@ pub fn add_from_response(
     strip: Strip,
     response: &Response,
     spots: &mut Vec<Spot>,
+    recent: &mut Recent,
 ) {
     let is_candidate = |spot: &Spot| {
         let spot::PixelBox { x, y } = spot.pixels;
@@ -101,10 +103,14 @@ pub fn add_from_response(
     for spot in spots.iter() {
         let (first, last) = spot.pixels.y;
         let is_own = own.contains(&first.midpoint(last));
-        if is_own && !spots.iter().any(|other| is_same_and_better(other, spot)) {
+        if is_own
+            && recent.believes(spot)
+            && !spots.iter().any(|other| is_same_and_better(other, spot))
+        {
             from_spot(spot, response).into_iter().for_each(|candidate| kept.add(candidate));
         }
     }
+    recent.update(spots);
 }
 
 /// A sickle in front of a slow ball and one behind it grow to the same spot.

@@ -37,7 +37,7 @@ pub struct Background {
 impl Background {
     /// What holds unless something else is said.
     pub const DEFAULT: Self =
-        Self { learning_rate: 1.0 / 256.0, sigma_threshold: 3.0, sigma_floor: 2.0, n_learning: 30 };
+        Self { learning_rate: 1.0 / 256.0, sigma_threshold: 3.0, sigma_floor: 2.0, n_learning: 40 };
 
     /// Weight of frame `n_frames`, counted from 1. Equal weights while learning. Afterwards ρ at
     /// once: a ball that stands on a pixel for five frames would otherwise raise that pixel's σ

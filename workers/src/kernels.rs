@@ -157,6 +157,8 @@ pub struct Responses<'a> {
     pub limit: &'a [u16],
     /// One per chunk: 0 where no pixel stands out.
     pub stands_out: &'a mut [u16],
+    /// Scratch, with margins: sizes of the responses, Q7.
+    pub sizes: &'a mut [u16],
 }
 
 /// The response, Q1, of the pixel in the middle of three sums.
@@ -172,21 +174,41 @@ pub fn respond<const LEARN: bool>(rows: Responses<'_>, learning: &Learning) {
     let shifted = |by: usize| chunks(&rows.sums[by..by + width]);
     let (left, right) = (shifted(MARGIN_PX - 1), shifted(MARGIN_PX + 1));
     let sums = left.iter().zip(shifted(MARGIN_PX)).zip(right);
-    let model = chunks_mut(rows.noise).iter_mut().zip(chunks(rows.limit));
-    for ((((left, here), right), (noise, limit)), over) in sums.zip(model).zip(rows.stands_out) {
+    let model = chunks(rows.noise).iter().zip(chunks(rows.limit));
+    let sizes = chunks_mut(&mut rows.sizes[MARGIN_PX..MARGIN_PX + width]).iter_mut();
+    let outputs = rows.stands_out.iter_mut().zip(sizes);
+    for ((((left, here), right), (noise, limit)), (over, sizes)) in sums.zip(model).zip(outputs) {
         let mut any = 0;
         for i in 0..CHUNK_PX {
             let size = response_q1(left[i], here[i], right[i]).unsigned_abs();
             any |= size.saturating_sub(upper(noise[i], limit[i]));
             if LEARN {
-                // A single passing ball must not make a pixel deaf: it counts for four times n.
-                let seen = (size.min(1023) << 6).min(noise[i].saturating_mul(4));
-                let dithered = |q7: u16| q7.saturating_add(learning.dither) >> learning.shift;
-                let learned = noise[i] - dithered(noise[i]).min(noise[i]) + dithered(seen);
-                noise[i] = learned.clamp(learning.noise_min_q7, NOISE_MAX_Q7);
+                sizes[i] = size.min(1023) << 6;
             }
         }
         *over = any;
+    }
+    if LEARN {
+        learn_noise(rows.sizes, rows.noise, learning);
+    }
+}
+
+/// Learns the noise from five pixels of a row that share none of their nine, and so from five times
+/// as many samples. A single passing ball must not make a pixel deaf: it counts for four times n.
+#[inline(always)]
+fn learn_noise(sizes: &[u16], noise: &mut [u16], learning: &Learning) {
+    let width = noise.len();
+    let shifted = |by: usize| chunks(&sizes[by..by + width]);
+    let taps = [0, 3, 6, 9, 12].map(|by| shifted(MARGIN_PX - 6 + by));
+    for (idx, noise) in chunks_mut(noise).iter_mut().enumerate() {
+        for i in 0..CHUNK_PX {
+            let most = noise[i].saturating_mul(4);
+            // Fifths, so that five of the largest fit 16 bits.
+            let seen = taps.iter().map(|tap| upper(tap[idx][i].min(most), u16::MAX / 5 + 1));
+            let dithered = |q7: u16| q7.saturating_add(learning.dither) >> learning.shift;
+            let learned = noise[i] - dithered(noise[i]).min(noise[i]) + dithered(seen.sum());
+            noise[i] = learned.clamp(learning.noise_min_q7, NOISE_MAX_Q7);
+        }
     }
 }
 

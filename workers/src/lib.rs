@@ -23,6 +23,7 @@ pub mod foreground;
 pub mod grid;
 pub mod kernels;
 pub mod method;
+pub mod recent;
 pub mod response;
 pub mod spot;
 pub mod strip;
@@ -32,6 +33,7 @@ use dispatch::Simd;
 use filtered::Filtered;
 use foreground::{Background, Foreground};
 use method::{How, Mask, Method};
+use recent::Recent;
 use response::{Outcome, Response};
 use shm_layout::{FrameInfo, StripCandidates};
 use spot::Spot;
@@ -71,7 +73,7 @@ pub struct Worker {
 #[derive(Debug)]
 enum Eye {
     Mask(Mask, Foreground, Filtered),
-    Response(Response, Vec<Spot>),
+    Response(Response, Vec<Spot>, Recent),
 }
 
 impl Worker {
@@ -87,7 +89,7 @@ impl Worker {
         let eye = match &settings.method.how {
             How::Response(threshold) => {
                 let response = Response::new(strip, *threshold, settings).with(simd);
-                Eye::Response(response, Vec::with_capacity(MAX_SPOTS))
+                Eye::Response(response, Vec::with_capacity(MAX_SPOTS), Recent::default())
             }
             How::Mask(mask) => Eye::Mask(
                 mask.clone(),
@@ -103,7 +105,7 @@ impl Worker {
     pub fn n_relearned(&self) -> u64 {
         match &self.eye {
             Eye::Mask(..) => 0,
-            Eye::Response(response, _) => response.n_relearned(),
+            Eye::Response(response, ..) => response.n_relearned(),
         }
     }
 
@@ -135,11 +137,18 @@ impl Worker {
                     candidates::add_from_mask(&mut message, blobs, strip, mask);
                 }
             }
-            Eye::Response(response, spots) => {
+            Eye::Response(response, spots, recent) => {
                 if response.update(luma) == Outcome::Searched {
                     let rows = strip.seen().map(|y| response.mask_row(y));
                     let blobs = self.blobs.update(rows);
-                    candidates::add_from_response(&mut message, blobs, strip, response, spots);
+                    candidates::add_from_response(
+                        &mut message,
+                        blobs,
+                        strip,
+                        response,
+                        spots,
+                        recent,
+                    );
                 } else {
                     message.is_learning = 1;
                 }

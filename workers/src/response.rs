@@ -42,10 +42,13 @@ const STEP_MAX_Q7: i16 = 32 << 7;
 /// σ of a Gaussian over the mean of its size: √(π/2).
 const SIGMA_OF_MEAN_SIZE: f32 = 1.253_314;
 
+/// Nothing fainter is a ball, grey levels: where noise is small, T is not what limits.
+const CONTRAST_MIN: f32 = 7.0;
+
 /// A block's T rises by so much (Q10, in units of n) in a frame that finds something there …
-const LIMIT_STEP_Q10: u16 = 128;
-/// … sinks by one in every fourth frame …
-const LIMIT_DECAY_TURNS: u64 = 4;
+const LIMIT_STEP_Q10: u16 = 40;
+/// … sinks by one in every eighth frame …
+const LIMIT_DECAY_TURNS: u64 = 8;
 /// … and rises to 48 n at most.
 const LIMIT_MAX_Q10: u16 = 48 << 10;
 
@@ -118,6 +121,7 @@ struct Scratch {
     sums: Vec<i16>,
     limit: Vec<u16>,
     stands_out: Vec<u16>,
+    sizes: Vec<u16>,
     block_hits: Vec<bool>,
 }
 
@@ -133,9 +137,8 @@ impl Response {
         let n_blocks = n_tested.div_ceil(BLOCK_PX as usize) * (stride_px / BLOCK_PX as usize);
         let limit_q10 = threshold * SIGMA_OF_MEAN_SIZE * 1024.0;
         let limit_min_q10 = (limit_q10.round() as u16).min(LIMIT_MAX_Q10);
-        // Nine pixels of independent noise add up to 3 σ; n is 0.80 of that.
-        let noise_min = settings.background.sigma_floor * 3.0 / SIGMA_OF_MEAN_SIZE;
-        let noise_min_q7 = (noise_min * 128.0).round() as u16;
+        let noise_min = 9.0 * CONTRAST_MIN / (threshold * SIGMA_OF_MEAN_SIZE);
+        let noise_min_q7 = (noise_min * 128.0).round().min(f32::from(u16::MAX)) as u16;
         let rate = settings.background.learning_rate * TURNS as f32;
         let margined = stride_px + 2 * MARGIN_PX;
         let n_slots = settings.look_back.max(1) + 1;
@@ -163,6 +166,7 @@ impl Response {
                 sums: vec![0; margined],
                 limit: vec![limit_min_q10; stride_px],
                 stands_out: vec![0; stride_px / CHUNK_PX],
+                sizes: vec![0; margined],
                 block_hits: vec![false; stride_px / BLOCK_PX as usize],
             },
             stands_out: vec![0; n_tested * (stride_px / CHUNK_PX)],
@@ -459,6 +463,7 @@ impl Response {
             noise: &mut self.noise[in_learned * self.stride_px..][..self.stride_px],
             limit: &self.scratch.limit,
             stands_out: &mut self.scratch.stands_out,
+            sizes: &mut self.scratch.sizes,
         };
         match learning {
             Some(learning) => respond::<true>(rows, &learning),

@@ -81,7 +81,8 @@ pub fn from_blob(response: &Response, blob: &Blob) -> Option<Spot> {
     let sigma = strongest.sigma / 3.0;
     let least = (PART_OF_CONTRAST * contrast.abs()).max(SIGMAS * sigma);
     let belongs = |(x, y): &(u32, u32)| response.difference(*x, *y) * contrast.signum() > least;
-    let pixels = grown(response, blob_box, &belongs)?;
+    // The response is over its limit in the middle only.
+    let pixels = grown(response, wider(response, blob_box), &belongs)?;
     let around = ring(response, pixels)?;
     let n_inside = pixels.places().filter(&belongs).count();
     let n_ring = around.places().count() - pixels.places().count();
@@ -155,6 +156,15 @@ fn strongest_response(response: &Response, within: PixelBox) -> Option<Strongest
         .places()
         .map(|(x, y)| Strongest { sum: sum_at(x, y), sigma: response.sigma(x, y) })
         .max_by(|a, b| (a.sum.abs() * b.sigma).total_cmp(&(b.sum.abs() * a.sigma)))
+}
+
+/// The box with one pixel more on each side, where there is one.
+fn wider(response: &Response, PixelBox { x, y }: PixelBox) -> PixelBox {
+    let (columns, rows) = response.known();
+    let grow = |(first, last): (u32, u32), known: std::ops::Range<u32>| {
+        (first.max(known.start + 1) - 1, (last + 1).min(known.end - 1))
+    };
+    PixelBox { x: grow(x, columns), y: grow(y, rows) }
 }
 
 /// The box and all that belongs to it beyond; `None` when that is too large for a ball.

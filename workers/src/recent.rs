@@ -1,0 +1,78 @@
+//! Spots → those to believe: the strong ones, and faint ones that were there a moment ago.
+//!
+//! Noise reaches 4.5 σ somewhere in every frame, a faint ball no more than that. But noise does not
+//! come again next to where it was: with three faint spots a frame, one in a hundred has another of
+//! its sign within [`NEAR_PX`] in one of the two frames before; a ball has, from its second frame on.
+//!
+//! Which spots of a strip are believed depends on what is within that distance alone, and only on
+//! small spots, which the halo holds whole: so it is the same for every number of strips.
+
+use crate::spot::Spot;
+
+/// Believed at sight, σ.
+pub const STRONG_SIGMA: f32 = 6.0;
+
+/// How far a far ball moves in a frame, and some: at 30 m/s and 90 frames/s 0.33 m, which are 20 px
+/// at 20 m seen from the side.
+pub const NEAR_PX: f32 = 16.0;
+
+/// A larger spot is no faint ball.
+pub const FAINT_SIDE_MAX_PX: u32 = 16;
+
+/// Most spots remembered of a frame.
+const MAX_PLACES: usize = 256;
+
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    x_px: f32,
+    y_px: f32,
+    is_bright: bool,
+}
+
+impl Place {
+    fn of(spot: &Spot) -> Self {
+        let [x_px, y_px] = spot.center_px;
+        Self { x_px, y_px, is_bright: spot.contrast > 0.0 }
+    }
+
+    fn is_near(&self, other: &Self) -> bool {
+        let (dx, dy) = (self.x_px - other.x_px, self.y_px - other.y_px);
+        self.is_bright == other.is_bright && dx * dx + dy * dy <= NEAR_PX * NEAR_PX
+    }
+}
+
+/// Small spots of the last two frames.
+#[derive(Debug)]
+pub struct Recent {
+    last: Vec<Place>,
+    before: Vec<Place>,
+}
+
+impl Default for Recent {
+    fn default() -> Self {
+        let places = || Vec::with_capacity(MAX_PLACES);
+        Self { last: places(), before: places() }
+    }
+}
+
+impl Recent {
+    /// Whether a spot is strong, or was near here in one of the last two frames.
+    #[must_use]
+    pub fn believes(&self, spot: &Spot) -> bool {
+        let place = Place::of(spot);
+        let mut all = self.last.iter().chain(&self.before);
+        spot.signal_to_noise >= STRONG_SIGMA
+            || is_small(spot) && all.any(|other| other.is_near(&place))
+    }
+
+    /// Remembers the spots of a frame in place of those two frames ago.
+    pub fn update(&mut self, spots: &[Spot]) {
+        std::mem::swap(&mut self.last, &mut self.before);
+        self.last.clear();
+        self.last.extend(spots.iter().filter(|s| is_small(s)).take(MAX_PLACES).map(Place::of));
+    }
+}
+
+fn is_small(spot: &Spot) -> bool {
+    spot.pixels.size_px().iter().all(|side_px| *side_px <= FAINT_SIDE_MAX_PX)
+}
