@@ -20,9 +20,18 @@ const EDGE_PX: u32 = 2;
 /// Least pixels of a spot.
 const MIN_AREA_PX: u32 = 3;
 
-/// A ball is a disc: it explains at least this part of what is seen around it, and more in a crowd.
-const EXPLAINED_MIN: f32 = 0.65;
+/// A ball is a disc: it explains at least this part of what is seen around it; more in a crowd (for
+/// each pixel that stands out around each of its own), and more when its box is longer than wide.
+const EXPLAINED_MIN: f32 = 0.85;
 const EXPLAINED_IN_CROWD: f32 = 0.1;
+const EXPLAINED_IF_LONG: f32 = 0.1;
+const EXPLAINED_MOST: f32 = 0.94;
+
+/// Fainter than this, grey levels, it is no ball, whatever its sides are.
+const CONTRAST_MIN: f32 = 8.0;
+
+/// Noise looks like the top of something wider than the box around it; a ball fills its box.
+const WIDER_MAX: f32 = 1.35;
 
 /// 1-sigma of the middle of a mask, px, and as a part of the diameter: what the sun pulls.
 const MASK_SIGMA: (f32, f32) = (0.3, 0.05);
@@ -156,12 +165,17 @@ fn from_blob(blob: &Blob, mask: &Mask) -> Candidate {
 
 fn from_spot(spot: &Spot, response: &Response) -> Option<Candidate> {
     let streak = Streak::from_moments(spot.moments_px2);
-    let explained_min = EXPLAINED_MIN + EXPLAINED_IN_CROWD * spot.crowd;
     let disc = best_disc(spot, &streak, response)?;
     let is_streak = disc.stretch > 1.0;
     let length_px = if is_streak { streak.length_px } else { 0.0 };
     let [width_px, height_px] = spot.pixels.size_px().map(|side_px| side_px as f32);
-    (disc.explained >= explained_min).then_some(Candidate {
+    let (short_px, long_px) = (width_px.min(height_px), width_px.max(height_px));
+    let stricter =
+        EXPLAINED_IN_CROWD * spot.crowd + EXPLAINED_IF_LONG * (long_px / short_px - 1.2).max(0.0);
+    let is_ball = disc.explained >= (EXPLAINED_MIN + stricter).min(EXPLAINED_MOST)
+        && disc.contrast.abs() >= CONTRAST_MIN
+        && 2.0 * disc.radius_px <= WIDER_MAX * long_px;
+    is_ball.then_some(Candidate {
         x_px: disc.center_px[0],
         y_px: disc.center_px[1],
         xx_px2: disc.covariance_px2[0],
@@ -192,6 +206,7 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
             contrast: spot.contrast,
             background: spot.background,
             sigma: spot.sigma,
+            likeness: response.likeness(),
         };
         disc::fit(|x, y| response.pixel(x, y), known, start)
     };

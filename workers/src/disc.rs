@@ -62,8 +62,11 @@ pub struct Start {
     pub contrast: f32,
     /// The background's grey level around the spot.
     pub background: f32,
-    /// σ of a pixel, grey levels.
+    /// σ of a pixel, grey levels: a third of that of a sum of nine, so that it stands for noise that
+    /// neighbours share.
     pub sigma: f32,
+    /// By how much a pixel's own variance is smaller than that.
+    pub likeness: f32,
 }
 
 /// A ball's image.
@@ -257,7 +260,7 @@ pub fn fit(
         prior.iter().zip(model.at).map(|((value, strength), at)| strength * (at - value).powi(2));
     let off_prior: f32 = pulls.sum();
     let n_px = n_px as f32;
-    let noise2 = n_px * start.sigma * start.sigma;
+    let noise2 = n_px * start.sigma * start.sigma / start.likeness;
     let misfit = (residual2 * weight / (n_px - N as f32).max(1.0)).max(1.0);
     let [x, y, radius_px, ..] = model.at;
     let contrast = model.at[3] + model.at[6].max(0.0) - start.background;

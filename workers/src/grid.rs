@@ -58,8 +58,14 @@ pub struct Grid {
     /// Grid row k begins at k times the width.
     mean: Vec<i16>,
     noise: Vec<u16>,
+    /// The same for sums of three neighbours in a row.
+    noise_of_three: Vec<u16>,
+    /// How much larger the variance of a sum of nine is than nine variances.
+    likeness: f32,
     /// What a pixel of each grid row is multiplied by, Q15, before smoothing.
     rows_q15: Vec<f64>,
+    /// Scratch: of one row.
+    differences: Vec<i16>,
     /// Scratch: ratio of each grid row to its background.
     ratios: Vec<f64>,
     /// What a pixel of each row of the frame is multiplied by, Q15.
@@ -77,7 +83,10 @@ impl Grid {
             height_px,
             mean: vec![0; n_rows * width_px],
             noise: vec![0; n_rows * width_px],
+            noise_of_three: vec![0; n_rows * width_px],
+            likeness: 1.0,
             rows_q15: vec![f64::from(GAIN_ONE); n_rows],
+            differences: vec![0; width_px],
             ratios: Vec::with_capacity(n_rows),
             gains_q15: vec![GAIN_ONE; height_px],
         }
@@ -87,6 +96,13 @@ impl Grid {
     #[must_use]
     pub fn gains_q15(&self) -> &[u16] {
         &self.gains_q15
+    }
+
+    /// How alike the noise of neighbours is: the variance of a sum of nine over nine variances, 1 for
+    /// white noise, more where a video was compressed or leaves sway.
+    #[must_use]
+    pub fn likeness(&self) -> f32 {
+        self.likeness
     }
 
     /// Forgets everything; the next frame is the background.
@@ -117,20 +133,33 @@ impl Grid {
     /// Learns a whole frame, with weight 2^-shift.
     #[inline(always)]
     pub fn learn(&mut self, luma: &[u8], shift: u32, dither: u16) {
+        let dithered = |q7: u16| q7.saturating_add(dither) >> shift;
+        let learned = |noise: u16, size: u16| noise - dithered(noise).min(noise) + dithered(size);
+        let (mut of_one, mut of_three) = (0, 0);
         for k in 0..self.rows_q15.len() {
             let y = row_of_grid(k, self.height_px);
             let gain_q15 = toward_one(self.gains_q15[y]);
             let row = &luma[y * self.width_px..][..self.width_px];
             let model = k * self.width_px..(k + 1) * self.width_px;
             let pixels = row.iter().zip(&mut self.mean[model.clone()]);
-            for ((&luma, mean), noise) in pixels.zip(&mut self.noise[model]) {
+            let differences = &mut self.differences[..];
+            let noise = self.noise[model.clone()].iter_mut();
+            for (((&luma, mean), noise), seen) in pixels.zip(noise).zip(&mut *differences) {
                 let difference = level_q7(luma, gain_q15) - *mean;
                 *mean += difference.saturating_add(dither as i16) >> shift;
-                let dithered = |q7: u16| q7.saturating_add(dither) >> shift;
-                *noise =
-                    *noise - dithered(*noise).min(*noise) + dithered(difference.unsigned_abs());
+                *noise = learned(*noise, difference.unsigned_abs());
+                of_one += u64::from(*noise);
+                *seen = difference >> 2; // so that three fit
+            }
+            let threes = self.noise_of_three[model].iter_mut().zip(differences.windows(3));
+            for (noise, three) in threes {
+                *noise = learned(*noise, (three[0] + three[1] + three[2]).unsigned_abs());
+                of_three += u64::from(*noise);
             }
         }
+        // Alike along a row as across rows: the variance of three over three variances, squared.
+        let ratio = 4.0 * of_three as f32 / (of_one as f32).max(1.0);
+        self.likeness = (ratio * ratio / 3.0).powi(2).clamp(1.0, 9.0);
     }
 
     #[inline(always)]

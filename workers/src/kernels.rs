@@ -250,7 +250,7 @@ pub fn masks_of_chunk(gate: &Gate<'_>) -> (u64, u64) {
         let change = response_q1(changes[i], changes[i + 1], changes[i + 2]);
         let limit = upper(gate.noise[i], gate.limit[i]);
         // A change has the noise of two frames, yet is asked for less: over T/√2, 11/8 ≈ √2.
-        let size_of_change = (change.unsigned_abs() >> 3) * 11;
+        let size_of_change = change.unsigned_abs() * 2;
         let is_over = response.unsigned_abs() > limit;
         stands_out[i] = u8::from(is_over);
         is_new[i] = u8::from(is_over & (size_of_change > limit) & ((response ^ change) >= 0));

@@ -107,7 +107,7 @@ pub const TABLE_1: [Method; 7] = [
 ///
 /// 7 σ: on the clip `amateur-grass` 7, 8 and 10 find 84, 82 and 75 % of the easy balls at 4, 3 and
 /// 2 false candidates a frame; on simulated courts all find 99 to 100 % at 0.1 to 0.3.
-pub const MATCHED: Method = Method { name: "matched", how: How::Response(4.3) };
+pub const MATCHED: Method = Method { name: "matched", how: How::Response(4.0) };
 
 /// All methods that have a name.
 #[must_use]

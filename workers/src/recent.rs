@@ -10,11 +10,11 @@
 use crate::spot::Spot;
 
 /// Believed at sight, σ.
-pub const STRONG_SIGMA: f32 = 6.0;
+pub const STRONG_SIGMA: f32 = 7.0;
 
 /// How far a far ball moves in a frame, and some: at 30 m/s and 90 frames/s 0.33 m, which are 20 px
 /// at 20 m seen from the side.
-pub const NEAR_PX: f32 = 16.0;
+pub const NEAR_PX: f32 = 12.0;
 
 /// A larger spot is no faint ball.
 pub const FAINT_SIDE_MAX_PX: u32 = 16;

@@ -252,6 +252,12 @@ impl Response {
         f32::from(self.noise[row * self.stride_px + x as usize]) / 128.0 * SIGMA_OF_MEAN_SIZE
     }
 
+    /// How much larger σ² of the response is than nine σ² of a pixel.
+    #[must_use]
+    pub fn likeness(&self) -> f32 {
+        self.grid.likeness()
+    }
+
     /// The rows that are searched.
     #[must_use]
     pub fn tested(&self) -> Range<u32> {

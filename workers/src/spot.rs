@@ -19,12 +19,12 @@ const GROWING_SHARE: f32 = 0.2;
 
 /// Of the ring this wide around a ball, at most this share belongs too.
 pub const RING_PX: u32 = 3;
-const RING_SHARE_MAX: f32 = 0.15;
+const RING_SHARE_MAX: f32 = 0.4;
 
 /// Around a ball, out to here, few pixels stand out for each of its own: its shadow, a bit of noise.
 /// Around a part of a person many do.
 pub const CROWD_PX: u32 = 12;
-const CROWD_MAX: f32 = 3.5;
+const CROWD_MAX: f32 = 8.0;
 /// So many own pixels are taken for granted, so that a faint ball does not stand alone on two.
 const OWN_MIN: u32 = 5;
 

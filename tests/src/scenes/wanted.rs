@@ -61,8 +61,8 @@ pub(super) fn distractors() -> Scene {
 pub(super) fn dim() -> Scene {
     Scene {
         name: "dim",
-        contains: "no sun; a ball is 25 grey levels brighter than what is around it; noise of 6 \
-                   grey levels on the court: 4.2 white from the sensor, 4.2 correlated",
+        contains: "no sun; a ball is 25 grey levels brighter than what it hides; noise of 6 grey \
+                   levels RMS over the picture, half of its variance correlated",
         target: Some(Target {
             tpr_min: Some(0.9),
             false_per_frame_max: Some(1.0),
@@ -71,9 +71,9 @@ pub(super) fn dim() -> Scene {
         takes: both(|seed| {
             let mut scenario = Scenario::from_seed(seed, &shots(2));
             scenario.light.contrast = 0.0;
-            scenario.noise_level = 2.25;
+            scenario.noise_level = 2.0;
             scenario.conditions.ball_contrast_grey = Some(25.0);
-            scenario.conditions.grain = Grain { sigma_grey: 4.2 };
+            scenario.conditions.grain = Grain { sigma_grey: 3.75 };
             scenario
         }),
     }
