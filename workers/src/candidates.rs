@@ -24,7 +24,7 @@ const MIN_AREA_PX: u32 = 3;
 /// each pixel that stands out around each of its own), and more when its box is longer than wide.
 const EXPLAINED_MIN: f32 = 0.85;
 const EXPLAINED_IN_CROWD: f32 = 0.1;
-const EXPLAINED_IF_LONG: f32 = 0.1;
+const EXPLAINED_IF_LONG: f32 = 0.15;
 const EXPLAINED_MOST: f32 = 0.94;
 
 /// Fainter than this, grey levels, it is no ball, whatever its sides are.
@@ -45,6 +45,9 @@ const OTHER_SIDE_COST_MAX: f32 = 0.4;
 
 /// A streak must explain this much more than a ball lit from one side.
 const STREAK_COST_MAX: f32 = 0.3;
+
+/// From this size on the box is tried as the ball, too.
+const NEAR_BALL_PX: u32 = 10;
 
 /// A pixel's own width, and what the lens adds, as a variance.
 const BLUR_PX2: f32 = 0.08;
@@ -230,6 +233,15 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
             (None, other) => other,
             (ball, _) => ball,
         };
+    }
+    // A near ball's dark side is cut off by any threshold; its box holds it.
+    let [width_px, height_px] = spot.pixels.size_px();
+    let long_px = width_px.max(height_px);
+    if long_px >= NEAR_BALL_PX {
+        let middle = |(first, last): (u32, u32)| 0.5 * (first + last) as f32;
+        let center_px = [middle(spot.pixels.x), middle(spot.pixels.y)];
+        let whole = fitted(center_px, 0.5 * long_px as f32 - 1.0, [1.0, 0.0], 1.0);
+        as_ball = as_ball.into_iter().chain(whole).min_by(|a, b| a.cost.total_cmp(&b.cost));
     }
     if streak.stretch < STRETCH_MIN {
         return as_ball;
