@@ -8,16 +8,23 @@
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use shm_layout::FrameInfo;
+use shm_layout::{FrameInfo, StripCandidates};
 use std::hint::black_box;
 use std::time::Instant;
+use workers::blobs::Blobs;
+use workers::candidates::add_from_response;
 use workers::dispatch::Simd;
 use workers::method::{self, Method};
+use workers::recent::Recent;
+use workers::response::Response;
 use workers::strip::Strip;
 use workers::{Settings, Worker};
 
 const N_FRAMES: usize = 24;
 const N_ROUNDS: usize = 300;
+
+/// Frames shown before: the background is learned, and where it is restless (3 s at 200 frames/s).
+const N_BEFORE: usize = 600;
 
 /// A noisy outdoor scene: textured ground, bushes that sway, sensor noise, a ball.
 fn frames((width, height): (usize, usize), n_noise: usize) -> Vec<Vec<u8>> {
@@ -163,7 +170,7 @@ fn bench(size_px: (u32, u32), scene: &str, n_noise: usize, methods: &[Method]) {
     }
     let mut times: Vec<Vec<u64>> = vec![Vec::new(); rivals.len() + 2];
     let mut n_found = vec![0; rivals.len()];
-    for round in 0..N_ROUNDS + 100 {
+    for round in 0..N_ROUNDS + N_BEFORE {
         let luma = &frames[round % N_FRAMES];
         timed(&mut times[0], || black_box(&mut copy[..]).copy_from_slice(black_box(luma)));
         timed(&mut times[1], || limit.update(black_box(luma)));
@@ -173,7 +180,7 @@ fn bench(size_px: (u32, u32), scene: &str, n_noise: usize, methods: &[Method]) {
                 n_found[idx] += black_box(worker.update(&info, black_box(luma))).n_candidates;
             });
         }
-        if round == 99 {
+        if round + 1 == N_BEFORE {
             times.iter_mut().for_each(Vec::clear); // learned, and warm
             n_found.fill(0);
         }
@@ -196,10 +203,50 @@ fn bench(size_px: (u32, u32), scene: &str, n_noise: usize, methods: &[Method]) {
     }
 }
 
+/// Where the default detector's time goes.
+fn stages(size_px: (u32, u32), scene: &str, n_noise: usize) {
+    let frames = frames((size_px.0 as usize, size_px.1 as usize), n_noise);
+    let strip = Strip::new(0, 1, size_px);
+    let mut response = Response::new(strip, method::THRESHOLD_SIGMA, &Settings::DEFAULT);
+    let mut blobs = Blobs::new(strip);
+    let (mut spots, mut recent) = (Vec::new(), Recent::default());
+    let names = ["light and one pass", "labelling", "spots, balls, candidates"];
+    let mut times: [Vec<u64>; 3] = Default::default();
+    let (mut n_blobs, mut n_spots) = (0, 0);
+    for round in 0..N_ROUNDS + N_BEFORE {
+        let luma = &frames[round % N_FRAMES];
+        timed(&mut times[0], || {
+            response.update(black_box(luma));
+        });
+        let mut message = StripCandidates::default();
+        let mut found = &[][..];
+        timed(&mut times[1], || {
+            found = blobs.update(strip.seen().map(|y| response.mask_row(y)));
+        });
+        n_blobs += found.len();
+        timed(&mut times[2], || {
+            add_from_response(&mut message, found, strip, &response, &mut spots, &mut recent);
+        });
+        n_spots += spots.len();
+        if round + 1 == N_BEFORE {
+            times.iter_mut().for_each(Vec::clear);
+            (n_blobs, n_spots) = (0, 0);
+        }
+    }
+    println!("{}x{}, {scene}, stages", size_px.0, size_px.1);
+    for (name, times) in names.iter().zip(&mut times) {
+        println!("  {name:<26}{:>7.1} µs", median_us(times));
+    }
+    let mean = |n: usize| n as f64 / N_ROUNDS as f64;
+    println!("  blobs {:.1}, spots {:.1} a frame", mean(n_blobs), mean(n_spots));
+}
+
 fn main() {
     let all = method::all();
     let default = [Settings::DEFAULT.method];
     bench((640, 480), "noisy outdoors", 0, &all);
+    stages((640, 480), "noisy outdoors", 0);
     bench((640, 480), "10,000 noise pixels", 10_000, &default);
+    stages((640, 480), "10,000 noise pixels", 10_000);
     bench((1280, 720), "noisy outdoors", 0, &default);
 }

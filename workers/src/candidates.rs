@@ -46,6 +46,9 @@ const OTHER_SIDE_COST_MAX: f32 = 0.4;
 /// A streak must explain this much more than a ball lit from one side.
 const STREAK_COST_MAX: f32 = 0.3;
 
+/// A ball that explains this much needs no other explanation.
+const PLAIN: f32 = 0.97;
+
 /// From this size on the box is tried as the ball, too.
 const NEAR_BALL_PX: u32 = 10;
 
@@ -211,7 +214,7 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
             sigma: spot.sigma,
             likeness: response.likeness(),
         };
-        disc::fit(|x, y| response.pixel(x, y), known, start)
+        disc::fit(response.simd(), |x, y| response.pixel(x, y), known, start)
     };
     let [x, y] = spot.center_px;
     // Of half a disc the middle is 0.42 radii off, towards the light, and the shorter side's moment
@@ -243,7 +246,8 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
         let whole = fitted(center_px, 0.5 * long_px as f32 - 1.0, [1.0, 0.0], 1.0);
         as_ball = as_ball.into_iter().chain(whole).min_by(|a, b| a.cost.total_cmp(&b.cost));
     }
-    if streak.stretch < STRETCH_MIN {
+    let is_plain = as_ball.is_some_and(|ball| ball.explained > PLAIN);
+    if streak.stretch < STRETCH_MIN || is_plain {
         return as_ball;
     }
     let radius_px = 2.0 * streak.shorter_px2.sqrt();

@@ -21,6 +21,8 @@
 //!
 //! Cost: some 60 operations per pixel and iteration; 5-15 µs for a far ball.
 
+use crate::dispatch::{Simd, Task};
+
 /// Blur of the outline: pixel and lens, and for near balls what their motion adds. Of 1.4 to 2.5 px
 /// the smallest RMS over the scenes; with nothing per radius near balls come out too small.
 const EDGE_WIDTH_PX: f32 = 1.6;
@@ -44,11 +46,11 @@ const RADIUS_SIGMA: (f32, f32) = (0.3, 0.2);
 /// No ball is seen smaller than this: the pixels' own width.
 pub const RADIUS_MIN_PX: f32 = 1.2;
 
-const N_ITERATIONS: usize = 10;
+const N_ITERATIONS: usize = 8;
 
 /// A fit that explains less than this after so many iterations is given up.
 const HOPELESS: f32 = 0.4;
-const HOPELESS_AFTER: usize = 3;
+const HOPELESS_AFTER: usize = 2;
 
 /// Of a disc wider than this many pixels every second, third … row and column is enough.
 const PIXELS_ACROSS: f32 = 14.0;
@@ -246,7 +248,24 @@ struct Sums {
     residual2: f32,
 }
 
+/// The sums of a model over pixels, in the machine's best instructions.
+struct Summing<'a> {
+    model: &'a Model,
+    all: &'a [Pixels],
+    sums: &'a mut Sums,
+}
+
+impl Task for Summing<'_> {
+    #[inline(always)]
+    fn run(self) {
+        *self.sums = Sums::of(self.model, self.all);
+    }
+}
+
 impl Sums {
+    const ZERO: Self = Self { normal: [[0.0; N]; N], gradient: [0.0; N], residual2: 0.0 };
+
+    #[inline(always)]
     fn of(model: &Model, all: &[Pixels]) -> Self {
         let mut normal = [[[0.0_f32; LANES]; N]; N];
         let mut gradient = [[0.0_f32; LANES]; N];
@@ -278,6 +297,7 @@ impl Sums {
 /// (first, end); `None` when there is no such ball near.
 #[must_use]
 pub fn fit(
+    simd: Simd,
     pixel: impl Fn(u32, u32) -> (f32, f32),
     (columns, rows): ((u32, u32), (u32, u32)),
     start: Start,
@@ -305,7 +325,8 @@ pub fn fit(
     let step_max = f64::from(0.5 * start.radius_px).max(0.5);
     let mut last = None;
     for iteration in 0..N_ITERATIONS {
-        let sums = Sums::of(&model, pixels);
+        let mut sums = Sums::ZERO;
+        simd.run(Summing { model: &model, all: pixels, sums: &mut sums });
         let mut matrix = [[0.0_f64; N]; N];
         let mut right = [0.0_f64; N];
         for i in 0..N {
@@ -330,7 +351,7 @@ pub fn fit(
         if iteration == HOPELESS_AFTER && explained < HOPELESS {
             return None;
         }
-        if longest < 0.01 {
+        if longest < 0.02 {
             break;
         }
     }

@@ -184,6 +184,12 @@ impl Response {
         Self { simd, ..self }
     }
 
+    /// The instructions used.
+    #[must_use]
+    pub fn simd(&self) -> Simd {
+        self.simd
+    }
+
     /// How often the background was learned anew.
     #[must_use]
     pub fn n_relearned(&self) -> u64 {

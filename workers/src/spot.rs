@@ -28,6 +28,10 @@ const CROWD_MAX: f32 = 8.0;
 /// So many own pixels are taken for granted, so that a faint ball does not stand alone on two.
 const OWN_MIN: u32 = 5;
 
+/// One pixel alone makes up more than this part of the sum of nine (of the smallest ball a fifth): a
+/// hot pixel or a bit error, or two of them.
+const IMPULSE_SHARE: f32 = 0.4;
+
 /// Columns and rows of the whole frame: first and last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PixelBox {
@@ -77,6 +81,9 @@ pub struct Spot {
 pub fn from_blob(response: &Response, blob: &Blob) -> Option<Spot> {
     let blob_box = PixelBox { x: (blob.x_min, blob.x_max), y: (blob.y_min, blob.y_max) };
     let strongest = strongest_response(response, blob_box)?;
+    if strongest.peak.abs() > IMPULSE_SHARE * strongest.sum.abs() {
+        return None;
+    }
     let contrast = strongest.sum / 9.0;
     let sigma = strongest.sigma / 3.0;
     let least = (PART_OF_CONTRAST * contrast.abs()).max(SIGMAS * sigma);
@@ -138,23 +145,28 @@ fn crowd_of(response: &Response, pixels: PixelBox) -> f32 {
 struct Strongest {
     sum: f32,
     sigma: f32,
+    /// Largest difference of the nine, with the sign of their sum.
+    peak: f32,
 }
 
 /// The response farthest from 0 in units of its σ, anywhere in a box.
 fn strongest_response(response: &Response, within: PixelBox) -> Option<Strongest> {
     let (columns, rows) = response.known();
-    let sum_at = |x: u32, y: u32| {
-        let mut sum = 0.0;
+    let nine_at = |x: u32, y: u32| {
+        let (mut sum, mut least, mut most) = (0.0, 0.0_f32, 0.0_f32);
         for v in y.max(rows.start + 1) - 1..=(y + 1).min(rows.end - 1) {
             for u in x.max(1) - 1..=(x + 1).min(columns.end - 1) {
-                sum += response.difference(u, v);
+                let difference = response.difference(u, v);
+                sum += difference;
+                (least, most) = (least.min(difference), most.max(difference));
             }
         }
-        sum
+        let peak = if sum > 0.0 { most } else { least };
+        Strongest { sum, sigma: response.sigma(x, y), peak }
     };
     within
         .places()
-        .map(|(x, y)| Strongest { sum: sum_at(x, y), sigma: response.sigma(x, y) })
+        .map(|(x, y)| nine_at(x, y))
         .max_by(|a, b| (a.sum.abs() * b.sigma).total_cmp(&(b.sum.abs() * a.sigma)))
 }
 
