@@ -6,14 +6,14 @@
 //!
 //! ```text
 //!   g₀ = median over rows of ΣI/Σμ         if the light jumped, else the last g
-//!   g ← g (1 + Σ clip(I/g-μ, ±8) / Σμ)     twice; what moves through the row counts little
+//!   g ← g (1 + Σ clip(I/g-μ, ±8) / Σμ)     (twice then); what moves through the row counts little
 //! ```
 //!
 //! smoothed over five grid rows and interpolated between them. When pixels differ all over the
 //! frame although the light is accounted for, the camera was bumped or covered: then nothing that
 //! was learned holds.
 //!
-//! Cost: a thirtieth of the pixels, three times.
+//! Cost: a thirtieth of the pixels, three times; a fourth of those is learned.
 
 use crate::kernels::{GAIN_ONE, level_q7};
 
@@ -50,6 +50,14 @@ pub enum View {
     Changed,
 }
 
+/// Sums over a grid row's background.
+#[derive(Debug, Clone, Copy, Default)]
+struct Totals {
+    mean_q7: i32,
+    of_one: u32,
+    of_three: u32,
+}
+
 /// Background and light of the grid rows.
 #[derive(Debug)]
 pub struct Grid {
@@ -60,6 +68,7 @@ pub struct Grid {
     noise: Vec<u16>,
     /// The same for sums of three neighbours in a row.
     noise_of_three: Vec<u16>,
+    totals: Vec<Totals>,
     /// How much larger the variance of a sum of nine is than nine variances.
     likeness: f32,
     /// What a pixel of each grid row is multiplied by, Q15, before smoothing.
@@ -84,6 +93,7 @@ impl Grid {
             mean: vec![0; n_rows * width_px],
             noise: vec![0; n_rows * width_px],
             noise_of_three: vec![0; n_rows * width_px],
+            totals: vec![Totals::default(); n_rows],
             likeness: 1.0,
             rows_q15: vec![f64::from(GAIN_ONE); n_rows],
             differences: vec![0; width_px],
@@ -130,35 +140,39 @@ impl Grid {
         }
     }
 
-    /// Learns a whole frame, with weight 2^-shift.
+    /// Learns every `n_turns`th of the grid's rows, with weight 2^-shift; which ones, `turn` says.
     #[inline(always)]
-    pub fn learn(&mut self, luma: &[u8], shift: u32, dither: u16) {
+    pub fn learn(&mut self, luma: &[u8], shift: u32, (turn, n_turns): (u64, usize)) {
+        let dither = (turn / n_turns as u64 % (1 << shift)) as u16;
         let dithered = |q7: u16| q7.saturating_add(dither) >> shift;
         let learned = |noise: u16, size: u16| noise - dithered(noise).min(noise) + dithered(size);
-        let (mut of_one, mut of_three) = (0, 0);
-        for k in 0..self.rows_q15.len() {
+        let first = (turn % n_turns as u64) as usize;
+        for k in (first..self.rows_q15.len()).step_by(n_turns) {
             let y = row_of_grid(k, self.height_px);
             let gain_q15 = toward_one(self.gains_q15[y]);
             let row = &luma[y * self.width_px..][..self.width_px];
             let model = k * self.width_px..(k + 1) * self.width_px;
             let pixels = row.iter().zip(&mut self.mean[model.clone()]);
-            let differences = &mut self.differences[..];
             let noise = self.noise[model.clone()].iter_mut();
-            for (((&luma, mean), noise), seen) in pixels.zip(noise).zip(&mut *differences) {
+            let mut totals = Totals::default();
+            for (((&luma, mean), noise), seen) in pixels.zip(noise).zip(&mut self.differences) {
                 let difference = level_q7(luma, gain_q15) - *mean;
                 *mean += difference.saturating_add(dither as i16) >> shift;
                 *noise = learned(*noise, difference.unsigned_abs());
-                of_one += u64::from(*noise);
+                totals.mean_q7 += i32::from(*mean);
+                totals.of_one += u32::from(*noise);
                 *seen = difference >> 2; // so that three fit
             }
-            let threes = self.noise_of_three[model].iter_mut().zip(differences.windows(3));
-            for (noise, three) in threes {
+            let threes = self.noise_of_three[model].iter_mut();
+            for (noise, three) in threes.zip(self.differences.windows(3)) {
                 *noise = learned(*noise, (three[0] + three[1] + three[2]).unsigned_abs());
-                of_three += u64::from(*noise);
+                totals.of_three += u32::from(*noise);
             }
+            self.totals[k] = totals;
         }
+        let sum = |of: fn(&Totals) -> u32| self.totals.iter().map(of).sum::<u32>() as f32;
         // Alike along a row as across rows: the variance of three over three variances, squared.
-        let ratio = 4.0 * of_three as f32 / (of_one as f32).max(1.0);
+        let ratio = 4.0 * sum(|t| t.of_three) / sum(|t| t.of_one).max(1.0);
         self.likeness = (ratio * ratio / 3.0).powi(2).clamp(1.0, 9.0);
     }
 
@@ -171,25 +185,23 @@ impl Grid {
         };
         self.ratios.clear();
         for (k, gain) in self.rows_q15.iter().enumerate() {
-            let (row, model) = rows(k);
-            let sum_q7 = 128 * row.iter().map(|&luma| u64::from(luma)).sum::<u64>();
-            let mean_q7 = self.mean[model].iter().map(|&mean| i64::from(mean)).sum::<i64>();
-            self.ratios
-                .push(mean_q7 as f64 * f64::from(GAIN_ONE) / (sum_q7 as f64).max(1.0) / gain);
+            let (row, _) = rows(k);
+            let sum_q7 = 128 * row.iter().map(|&luma| u32::from(luma)).sum::<u32>();
+            let mean_q7 = f64::from(self.totals[k].mean_q7) * f64::from(GAIN_ONE);
+            self.ratios.push(mean_q7 / f64::from(sum_q7).max(1.0) / gain);
         }
         self.ratios.sort_by(f64::total_cmp);
         let jump = self.ratios[self.ratios.len() / 2];
-        let start = if (jump - 1.0).abs() > JUMP { jump } else { 1.0 };
+        let (start, n_rounds) = if (jump - 1.0).abs() > JUMP { (jump, 2) } else { (1.0, 1) };
         for k in 0..self.rows_q15.len() {
             let (row, model) = rows(k);
             let mut gain = self.rows_q15[k] * start;
-            for _ in 0..2 {
+            for _ in 0..n_rounds {
                 if !GAIN_RANGE_Q15.contains(&gain) {
                     break;
                 }
-                let (excess_q7, mean_q7) =
-                    sums(row, &self.mean[model.clone()], gain.round() as u16);
-                gain *= 1.0 - excess_q7 as f64 / (mean_q7 as f64).max(1.0);
+                let excess_q7 = excess(row, &self.mean[model.clone()], gain.round() as u16);
+                gain *= 1.0 - f64::from(excess_q7) / f64::from(self.totals[k].mean_q7.max(1));
             }
             self.rows_q15[k] = gain;
         }
@@ -255,14 +267,9 @@ fn row_of_grid(k: usize, height_px: usize) -> usize {
     (k * GRID_STEP_PX + GRID_STEP_PX / 2).min(height_px - 1)
 }
 
-/// Sum of clipped differences and of the background, Q7.
+/// Sum of clipped differences, Q7.
 #[inline(always)]
-fn sums(row: &[u8], mean: &[i16], gain_q15: u16) -> (i64, i64) {
-    let (mut excess, mut background) = (0_i32, 0_i32);
-    for (&luma, &mean) in row.iter().zip(mean) {
-        let difference = level_q7(luma, gain_q15) - mean;
-        excess += i32::from(difference.clamp(-CLIP_Q7, CLIP_Q7));
-        background += i32::from(mean);
-    }
-    (i64::from(excess), i64::from(background))
+fn excess(row: &[u8], mean: &[i16], gain_q15: u16) -> i32 {
+    let differences = row.iter().zip(mean).map(|(&luma, &mean)| level_q7(luma, gain_q15) - mean);
+    differences.map(|q7| i32::from(q7.clamp(-CLIP_Q7, CLIP_Q7))).sum()
 }
