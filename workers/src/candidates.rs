@@ -225,6 +225,7 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
     let down = if along_x < 0.0 { -1.0 } else { 1.0 };
     let off_px = 0.42 * radius_px * missing;
     let beside = |by: f32| fitted([x - by * along_y, y + by * along_x], radius_px, [1.0, 0.0], 1.0);
+    let is_plain = |ball: &Option<Disc>| ball.is_some_and(|ball| ball.explained > PLAIN);
     let mut as_ball = beside(down * off_px);
     // Light from the left or right: the other side must be likelier, if light would come from below
     // much likelier.
@@ -240,14 +241,13 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
     // A near ball's dark side is cut off by any threshold; its box holds it.
     let [width_px, height_px] = spot.pixels.size_px();
     let long_px = width_px.max(height_px);
-    if long_px >= NEAR_BALL_PX {
+    if long_px >= NEAR_BALL_PX && !is_plain(&as_ball) {
         let middle = |(first, last): (u32, u32)| 0.5 * (first + last) as f32;
         let center_px = [middle(spot.pixels.x), middle(spot.pixels.y)];
         let whole = fitted(center_px, 0.5 * long_px as f32 - 1.0, [1.0, 0.0], 1.0);
         as_ball = as_ball.into_iter().chain(whole).min_by(|a, b| a.cost.total_cmp(&b.cost));
     }
-    let is_plain = as_ball.is_some_and(|ball| ball.explained > PLAIN);
-    if streak.stretch < STRETCH_MIN || is_plain {
+    if streak.stretch < STRETCH_MIN || is_plain(&as_ball) {
         return as_ball;
     }
     let radius_px = 2.0 * streak.shorter_px2.sqrt();

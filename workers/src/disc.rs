@@ -351,7 +351,7 @@ pub fn fit(
         if iteration == HOPELESS_AFTER && explained < HOPELESS {
             return None;
         }
-        if longest < 0.02 {
+        if longest < 0.03 {
             break;
         }
     }
