@@ -65,6 +65,7 @@ function goToUnseen() {
 
 const stored = new Map(); // as the program last said
 const undoable = [];
+const failed = new Set(); // since the queue was last empty
 let queue = Promise.resolve(); // one after the other, or an older place might win
 let nWaiting = 0;
 
@@ -92,14 +93,17 @@ async function send(idx, label) {
   try {
     await ask(`labels/${idx}`, label ? { method: "PUT", body: JSON.stringify(label) } : remove);
     assign(stored, idx, label);
-    if (--nWaiting === 0) showSaved("saved", `saved to ${desk.clip.labels_path}`);
+    failed.delete(idx);
   } catch (error) {
-    nWaiting--;
-    assign(labels, idx, stored.get(idx));
-    showSaved("failed", `frame ${idx} not saved`);
+    failed.add(idx);
     showTrouble(`Frame ${idx} was not saved and is as before: ${error.message}`);
-    draw();
   }
+  if (--nWaiting > 0) return;
+  if (failed.size === 0) return showSaved("saved", `saved to ${desk.clip.labels_path}`);
+  showSaved("failed", `not saved: frame ${[...failed].join(", ")}`);
+  for (const frame of failed) assign(labels, frame, stored.get(frame));
+  failed.clear();
+  draw();
 }
 
 function undo() {

@@ -62,7 +62,7 @@ pub enum Error {
     #[error(transparent)]
     Outside(#[from] Outside),
     /// Somebody else wrote the file after it was read here.
-    #[error("{}: changed by somebody else meanwhile; start again to go on from there", path.display())]
+    #[error("{}: changed by somebody else meanwhile; start again from there", path.display())]
     Changed {
         /// The file.
         path: PathBuf,
@@ -146,9 +146,10 @@ impl LabelFile {
     ///
     /// # Errors
     /// When the file cannot be read or replaced, or is not one of labels of this clip.
-    pub fn open(path: &Path, extent: Extent) -> Result<Self, Error> {
+    pub fn open(unresolved: &Path, extent: Extent) -> Result<Self, Error> {
         // A link stays one: what it points to is replaced.
-        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let path = unresolved.canonicalize().or_else(|_| std::path::absolute(unresolved));
+        let path = path.unwrap_or_else(|_| unresolved.to_owned());
         let on_disk =
             bytes_of(&path).map_err(|why| Error::Unreadable { path: path.clone(), why })?;
         let labels = match &on_disk {
@@ -217,7 +218,7 @@ impl LabelFile {
         }
         file.as_file().sync_all()?;
         file.persist(&self.path)?;
-        // The new name too, on file systems that can; the file has been replaced whatever comes of it.
+        // The new name too, where the file system can; the file has been replaced in any case.
         let _ = File::open(self.folder()).and_then(|folder| folder.sync_all());
         Ok(bytes)
     }
