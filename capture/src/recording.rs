@@ -1,8 +1,9 @@
 //! A YUV4MPEG2 file → frames, luma only.
 //!
 //! The whole file is walked once at opening (a seek per frame, no pixels), so that a truncated or
-//! malformed recording is refused before anything of it was published. Luma is then read straight
-//! into the buffer it is wanted in; chroma is skipped. Written by
+//! malformed recording is refused before anything of it was published. Where each frame begins is
+//! kept (8 bytes a frame: a frame's line may have parameters, so it cannot be reckoned). Luma is
+//! then read straight into the buffer it is wanted in; chroma is skipped. Written by
 //! `ffmpeg -i clip.mp4 -pix_fmt gray -f yuv4mpegpipe -strict -1 left.y4m`.
 //!
 //! Our own reader: the `y4m` crate reads into a buffer of its own, which would be a copy per frame.
@@ -24,8 +25,10 @@ pub struct Recording {
     reader: BufReader<File>,
     width_px: u32,
     height_px: u32,
+    frame_rate_hz: Option<f64>,
     n_chroma_bytes: u32,
-    n_frames: usize,
+    /// Bytes from the start of the file to each frame's line.
+    frames_at: Vec<u64>,
     frame_idx: usize,
 }
 
@@ -46,18 +49,18 @@ impl Recording {
             expected,
             got,
         })?;
-        let first_frame_at = reader.stream_position().map_err(unreadable)?;
         let mut recording = Self {
             path: path.to_owned(),
             reader,
             width_px: header.width_px,
             height_px: header.height_px,
+            frame_rate_hz: header.frame_rate_hz,
             n_chroma_bytes: header.n_chroma_bytes,
-            n_frames: 0,
+            frames_at: Vec::new(),
             frame_idx: 0,
         };
-        recording.n_frames = recording.count_frames(n_file_bytes)?;
-        recording.reader.seek(SeekFrom::Start(first_frame_at)).map_err(unreadable)?;
+        recording.find_frames(n_file_bytes)?;
+        recording.go_to(0)?;
         Ok(recording)
     }
 
@@ -70,7 +73,28 @@ impl Recording {
     /// Frames in the file.
     #[must_use]
     pub fn n_frames(&self) -> usize {
-        self.n_frames
+        self.frames_at.len()
+    }
+
+    /// What the header says, if anything.
+    #[must_use]
+    pub fn frame_rate_hz(&self) -> Option<f64> {
+        self.frame_rate_hz
+    }
+
+    /// Goes to a frame, which is read next.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    ///
+    /// # Panics
+    /// When the recording is not as long.
+    pub fn go_to(&mut self, frame_idx: usize) -> Result<(), Error> {
+        self.reader
+            .seek(SeekFrom::Start(self.frames_at[frame_idx]))
+            .map_err(|why| Error::Unreadable { path: self.path.clone(), why })?;
+        self.frame_idx = frame_idx;
+        Ok(())
     }
 
     /// Reads the luma of the next frame into `luma`, row by row without padding.
@@ -96,14 +120,15 @@ impl Recording {
         u64::from(self.width_px) * u64::from(self.height_px)
     }
 
-    fn count_frames(&mut self, n_file_bytes: u64) -> Result<usize, Error> {
+    fn find_frames(&mut self, n_file_bytes: u64) -> Result<(), Error> {
         let unreadable = |path: &Path, why| Error::Unreadable { path: path.to_owned(), why };
         let n_frame_bytes = self.n_luma_bytes() + u64::from(self.n_chroma_bytes);
         loop {
             let at = self.reader.stream_position().map_err(|why| unreadable(&self.path, why))?;
             if at == n_file_bytes && self.frame_idx > 0 {
-                return Ok(std::mem::take(&mut self.frame_idx));
+                return Ok(());
             }
+            self.frames_at.push(at);
             self.expect_frame_line()?;
             let at = self.reader.stream_position().map_err(|why| unreadable(&self.path, why))?;
             if n_file_bytes - at < n_frame_bytes {
@@ -138,6 +163,7 @@ impl Recording {
 struct Header {
     width_px: u32,
     height_px: u32,
+    frame_rate_hz: Option<f64>,
     n_chroma_bytes: u32,
 }
 
@@ -152,16 +178,18 @@ impl Header {
             return Err(wrong("a YUV4MPEG2 header"));
         }
         let (mut width_px, mut height_px, mut color) = (None, None, "420");
+        let mut frame_rate_hz = None;
         for word in words.filter(|word| !word.is_empty()) {
             let (tag, value) = word.split_at_checked(1).ok_or_else(|| wrong("ASCII"))?;
             match tag {
                 "W" => width_px = value.parse::<u32>().ok(),
                 "H" => height_px = value.parse::<u32>().ok(),
                 "C" => color = value,
+                "F" => frame_rate_hz = rate_from_ratio(value),
                 "I" if !matches!(value, "p" | "?") => {
                     return Err(("progressive frames (Ip)".to_owned(), format!("{word:?}")));
                 }
-                _ => {} // frame rate, aspect and comments do not matter here
+                _ => {} // aspect and comments do not matter here
             }
         }
         let is_fit = |side_px: &u32| (8..=MAX_SIDE_PX).contains(side_px);
@@ -177,8 +205,15 @@ impl Header {
             }
             _ => return Err((EXPECTED_COLOR.to_owned(), format!("C{color}"))),
         };
-        Ok(Self { width_px, height_px, n_chroma_bytes })
+        Ok(Self { width_px, height_px, frame_rate_hz, n_chroma_bytes })
     }
+}
+
+/// `90:1` → 90; 0:0 means that it is not known.
+fn rate_from_ratio(text: &str) -> Option<f64> {
+    let (frames, seconds) = text.split_once(':')?;
+    let (frames, seconds) = (frames.parse::<u32>().ok()?, seconds.parse::<u32>().ok()?);
+    (frames > 0 && seconds > 0).then(|| f64::from(frames) / f64::from(seconds))
 }
 
 /// The next line with its newline; shorter than [`MAX_HEADER_BYTES`] whatever stands in the file.
@@ -232,6 +267,31 @@ mod tests {
                 recording.read_into(&mut luma).unwrap();
                 assert_eq!(luma, vec![value; 80], "{color}");
             }
+        }
+    }
+
+    #[test]
+    fn any_frame_can_be_gone_to_whatever_its_line_says() {
+        let mut bytes = b"YUV4MPEG2 W10 H8 F30000:1001 Cmono\n".to_vec();
+        for (value, line) in [(0, "FRAME\n"), (1, "FRAME Ip Xa=b\n"), (2, "FRAME\n")] {
+            bytes.extend_from_slice(line.as_bytes());
+            bytes.extend([value; 80]);
+        }
+        let file = file_with(&bytes);
+        let mut recording = Recording::open(file.path()).unwrap();
+        assert!((recording.frame_rate_hz().unwrap() - 29.97).abs() < 1e-3);
+        let mut luma = [0; 80];
+        for frame_idx in [2, 0, 1] {
+            recording.go_to(frame_idx).unwrap();
+            recording.read_into(&mut luma).unwrap();
+            assert_eq!(luma, [frame_idx as u8; 80]);
+        }
+        recording.read_into(&mut luma).unwrap();
+        assert_eq!(luma, [2; 80], "reading goes on from there");
+        for rate in ["", "F0:0 ", "Fast ", "F25 "] {
+            let header = format!("YUV4MPEG2 W10 H8 {rate}Cmono\n");
+            let file = file_with(&bytes_of(&header, &[vec![0; 80]]));
+            assert_eq!(Recording::open(file.path()).unwrap().frame_rate_hz(), None, "{rate}");
         }
     }
 

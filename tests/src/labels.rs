@@ -77,12 +77,24 @@ pub fn from_csv(reader: impl Read) -> Result<Labels, Error> {
             Some((_, idx)) => return Err(wrong("hard", "0 or 1", idx)),
         };
         let label = Label { x_px: pixel(x, "x_px")?, y_px: pixel(y, "y_px")?, is_hard };
-        labels.insert(frame_idx, label);
+        if labels.insert(frame_idx, label).is_some() {
+            return Err(wrong("frame", "one row a frame", frame));
+        }
     }
     Ok(labels)
 }
 
-/// Writes labels; without a column `hard` when all balls count.
+/// Names of columns of a file that are no part of a label, and would be lost if it were rewritten.
+///
+/// # Errors
+/// When it is not CSV.
+pub fn other_columns(reader: impl Read) -> Result<Vec<String>, Error> {
+    let mut rows = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(reader);
+    let is_known = |name: &str| matches!(name, "frame" | "x_px" | "y_px" | "x" | "y" | "hard");
+    Ok(rows.headers()?.iter().filter(|name| !is_known(name)).map(str::to_owned).collect())
+}
+
+/// Writes labels, with the column `hard` when a ball of them is.
 ///
 /// # Errors
 /// When the writer fails.
@@ -106,22 +118,27 @@ mod tests {
     #[test]
     fn labels_come_back_and_hard_ones_are_marked() {
         let text = "frame,x,y,hard\n3,10.5,20,0\n5,1,2,1\n";
-        let labels = from_csv(text.as_bytes()).unwrap();
+        let mut labels = from_csv(text.as_bytes()).unwrap();
         assert_eq!(labels[&3], Label { x_px: 10.5, y_px: 20.0, is_hard: false });
         assert!(labels[&5].is_hard);
-        let mut bytes = Vec::new();
-        to_csv(&labels, &mut bytes).unwrap();
-        let text = String::from_utf8(bytes).unwrap();
-        assert_eq!(text, "frame,x_px,y_px,hard\n3,10.500,20.000,0\n5,1.000,2.000,1\n");
-        assert_eq!(from_csv(text.as_bytes()).unwrap(), labels);
+        let written = |labels: &Labels| {
+            let mut bytes = Vec::new();
+            to_csv(labels, &mut bytes).unwrap();
+            assert_eq!(&from_csv(bytes.as_slice()).unwrap(), labels);
+            String::from_utf8(bytes).unwrap()
+        };
+        let header = "frame,x_px,y_px,hard\n";
+        assert_eq!(written(&labels), format!("{header}3,10.500,20.000,0\n5,1.000,2.000,1\n"));
+        labels.remove(&5);
+        assert_eq!(written(&labels), "frame,x_px,y_px\n3,10.500,20.000\n");
     }
 
     #[test]
-    fn labels_that_all_count_need_no_column_to_say_so() {
-        let labels = from_csv("frame,x,y\n3,10.5,20\n".as_bytes()).unwrap();
-        let mut bytes = Vec::new();
-        to_csv(&labels, &mut bytes).unwrap();
-        assert_eq!(String::from_utf8(bytes).unwrap(), "frame,x_px,y_px\n3,10.500,20.000\n");
+    fn a_frame_has_one_label_and_other_columns_are_named() {
+        let error = from_csv("frame,x,y\n3,1,2\n3,4,5\n".as_bytes()).unwrap_err().to_string();
+        assert_eq!(error, "line 3: frame: expected one row a frame, got \"3\"");
+        let names = other_columns("frame,x,visible, y ,hard,who\n".as_bytes()).unwrap();
+        assert_eq!(names, ["visible", "who"]);
     }
 
     #[test]

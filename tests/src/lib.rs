@@ -16,7 +16,9 @@
 //! a [`contact_sheet`] shows it.
 //!
 //! [`player`] plays a scenario into shared memory, [`processes`] and [`chain`] start the real
-//! binaries. [`labels`], [`evaluation`] and [`overlay`] say and show how well balls are found.
+//! binaries. A person says where the ball is in a clip: [`labels`], kept on disk by a
+//! [`label_file`], made on the page that [`labelling`] serves to itself alone ([`sender`]).
+//! [`evaluation`] and [`overlay`] say and show how well balls are found there.
 //!
 //! Deliberately absent: any code shared with the estimator. Physics and projection are written
 //! anew here, so that both can only agree by both being right.
@@ -94,6 +96,12 @@ pub mod processes;
 pub mod chain;
 
 pub mod labels;
+
+pub mod label_file;
+
+pub mod sender;
+
+pub mod labelling;
 
 pub mod evaluation;
 
