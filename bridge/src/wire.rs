@@ -322,7 +322,7 @@ mod tests {
         bytes[0] = 9;
         let refusal = batch_from_bytes(&bytes).unwrap_err();
         assert_eq!(refusal, Refusal::Version { theirs: 9 });
-        assert!(refusal.to_string().contains("version 9, this bridge version 1"));
+        assert!(refusal.to_string().contains("version 9, this bridge version 2"));
     }
 
     #[test]

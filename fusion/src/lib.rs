@@ -108,6 +108,8 @@ pub struct Rejected {
     pub n_away_from_net: u64,
     /// [`Rejection::NotFromLauncher`].
     pub n_not_from_launcher: u64,
+    /// [`Rejection::OnGround`].
+    pub n_on_ground: u64,
     /// [`Rejection::SameBall`].
     pub n_same_ball: u64,
 }
@@ -119,6 +121,7 @@ impl Rejected {
             Rejection::TooSlow => &mut self.n_too_slow,
             Rejection::AwayFromNet => &mut self.n_away_from_net,
             Rejection::NotFromLauncher => &mut self.n_not_from_launcher,
+            Rejection::OnGround => &mut self.n_on_ground,
             Rejection::SameBall => &mut self.n_same_ball,
         } += 1;
     }

@@ -95,6 +95,10 @@ pub struct TrackPoint {
     pub right_px: RawPixel,
 }
 
+/// What stays below this height has not been served: a few balls high, and well over what the height
+/// of a point is uncertain by.
+const ON_GROUND_M: f64 = 0.25;
+
 /// What was measured of one ball. None is "not observed".
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shot {
@@ -124,6 +128,8 @@ pub enum Rejection {
     /// Flown back, it comes out of the ground or never passes the launcher: it had bounced before
     /// it was seen.
     NotFromLauncher,
+    /// It never leaves the ground: a ball's shadow, which both cameras see, or a ball that rolls.
+    OnGround,
     /// It carries on where the last shot ended.
     SameBall,
 }
@@ -196,6 +202,8 @@ fn rejection_of(before: &[Point], launch: &Launch, is_court_known: bool) -> Opti
         Some(Rejection::TooSlow)
     } else if is_court_known && v.y < 0.5 * v.norm() {
         Some(Rejection::AwayFromNet)
+    } else if is_court_known && before.iter().all(|point| point.position_m.z < ON_GROUND_M) {
+        Some(Rejection::OnGround)
     } else if is_court_known && is_underground(launch, &before[0]) {
         Some(Rejection::NotFromLauncher)
     } else {
@@ -297,6 +305,16 @@ mod tests {
         let reversed: Vec<Point> = (24..80)
             .map(|i| Point { position_m: points[104 - i].position_m, ..points[i] })
             .collect();
+        let shadow: Vec<Point> = (24..80)
+            .map(|i| Point {
+                position_m: Point3::new(
+                    points[i].position_m.x,
+                    points[i].position_m.y,
+                    0.01 * (i % 3) as f64,
+                ),
+                ..points[i]
+            })
+            .collect();
         let seen = Some(LastSeen { t_ns: points[89].t_ns, y_m: 21.0 });
         for (points, last_seen, expected) in [
             (&points[..5], None, Rejection::TooShort),
@@ -304,6 +322,7 @@ mod tests {
             (&points[90..], None, Rejection::NotFromLauncher),
             (&points[90..], seen, Rejection::SameBall),
             (&reversed[..], None, Rejection::AwayFromNet),
+            (&shadow[..], None, Rejection::OnGround),
         ] {
             let verdict = from_path(&path(points), &rig, last_seen);
             assert_eq!(verdict, Verdict::Rejected(expected));

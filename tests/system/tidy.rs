@@ -72,11 +72,21 @@ fn nothing_is_left_undone_or_nameless() {
     }
 }
 
+/// Where unsafe code is allowed: how a function for instructions the machine may lack is called.
+const UNSAFE: [&str; 2] = ["workers/src/dispatch.rs", "workers/benches/step.rs"];
+
 #[test]
-fn every_room_forbids_unsafe_code() {
+fn every_room_forbids_unsafe_code_but_for_two_files() {
     for room in ROOMS {
         let text = text_of(&root().join(room).join("src/lib.rs"));
-        assert!(text.contains("#![forbid(unsafe_code)]"), "{room}");
+        let word =
+            if room == "workers" { "#![deny(unsafe_code)]" } else { "#![forbid(unsafe_code)]" };
+        assert!(text.contains(word), "{room}");
+    }
+    for path in sources() {
+        let is_allowed = UNSAFE.iter().any(|name| path.ends_with(name));
+        let allows = text_of(&path).contains(&["allow(", "unsafe_code)"].concat());
+        assert_eq!(allows, is_allowed, "{}", path.display());
     }
 }
 

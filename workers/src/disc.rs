@@ -22,6 +22,7 @@
 //! Cost: some 60 operations per pixel and iteration; 5-15 µs for a far ball.
 
 use crate::dispatch::{Simd, Task};
+use nalgebra::{Cholesky, SMatrix, SVector};
 
 /// Blur of the outline: pixel and lens, and for near balls what their motion adds. Of 1.4 to 2.5 px
 /// the smallest RMS over the scenes; with nothing per radius near balls come out too small.
@@ -327,21 +328,22 @@ pub fn fit(
     for iteration in 0..N_ITERATIONS {
         let mut sums = Sums::ZERO;
         simd.run(Summing { model: &model, all: pixels, sums: &mut sums });
-        let mut matrix = [[0.0_f64; N]; N];
-        let mut right = [0.0_f64; N];
+        // The lower triangle is all that is read.
+        let mut matrix = SMatrix::<f64, N, N>::zeros();
+        let mut right = SVector::<f64, N>::zeros();
         for i in 0..N {
             let (value, strength) = prior[i];
             right[i] = f64::from(weight * sums.gradient[i] + strength * (value - model.at[i]));
             for j in 0..=i {
-                matrix[i][j] = f64::from(weight * sums.normal[i][j]);
+                matrix[(i, j)] = f64::from(weight * sums.normal[i][j]);
             }
-            matrix[i][i] += f64::from(strength);
+            matrix[(i, i)] += f64::from(strength);
         }
-        let root = Cholesky::from_lower(matrix)?;
-        let step = root.solved(right);
-        let longest = step[..3].iter().fold(0.0_f64, |most, s| most.max(s.abs()));
+        let root = Cholesky::new(matrix)?;
+        let step = root.solve(&right);
+        let longest = step.as_slice()[..3].iter().fold(0.0_f64, |most, s| most.max(s.abs()));
         let scale = if longest > step_max { step_max / longest } else { 1.0 };
-        for (at, step) in model.at.iter_mut().zip(step) {
+        for (at, step) in model.at.iter_mut().zip(&step) {
             *at += (scale * step) as f32;
         }
         model.at[2] = model.at[2].max(RADIUS_MIN_PX);
@@ -363,7 +365,7 @@ pub fn fit(
     let contrast = model.at[3] + model.at[6].max(0.0) - start.background;
     let off = ((x - start.center_px[0]).powi(2) + (y - start.center_px[1]).powi(2)).sqrt();
     let is_near = off < start.radius_px * start.stretch + 1.0 && contrast * start.contrast > 0.0;
-    let column = |k: usize| root.solved(std::array::from_fn(|i| f64::from(u8::from(i == k))));
+    let column = |k: usize| root.solve(&SVector::from_fn(|i, _| f64::from(u8::from(i == k))));
     let (of_x, of_y) = (column(0), column(1));
     let covariance_px2 = [of_x[0], of_x[1], of_y[1]].map(|value| value as f32 * misfit);
     is_near.then_some(Disc {
@@ -375,41 +377,4 @@ pub fn fit(
         cost: residual2 * weight + pulls.sum::<f32>(),
         stretch: start.stretch,
     })
-}
-
-/// L of a symmetric matrix LLᵀ.
-struct Cholesky([[f64; N]; N]);
-
-impl Cholesky {
-    /// `None` when the matrix is not positive definite.
-    fn from_lower(mut matrix: [[f64; N]; N]) -> Option<Self> {
-        for i in 0..N {
-            for j in 0..=i {
-                let sum: f64 = (0..j).map(|k| matrix[i][k] * matrix[j][k]).sum();
-                let rest = matrix[i][j] - sum;
-                matrix[i][j] = if i == j {
-                    if !(rest > 0.0) {
-                        return None;
-                    }
-                    rest.sqrt()
-                } else {
-                    rest / matrix[j][j]
-                };
-            }
-        }
-        Some(Self(matrix))
-    }
-
-    fn solved(&self, mut right: [f64; N]) -> [f64; N] {
-        let Self(root) = self;
-        for i in 0..N {
-            let sum: f64 = (0..i).map(|k| root[i][k] * right[k]).sum();
-            right[i] = (right[i] - sum) / root[i][i];
-        }
-        for i in (0..N).rev() {
-            let sum: f64 = (i + 1..N).map(|k| root[k][i] * right[k]).sum();
-            right[i] = (right[i] - sum) / root[i][i];
-        }
-        right
-    }
 }

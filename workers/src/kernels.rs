@@ -135,14 +135,11 @@ pub fn median_of_nine(rows: [&[u8]; 9], mean: &mut [i16]) {
     for (idx, mean) in chunks_mut(mean).iter_mut().enumerate() {
         let mut nine: [Chunk<u8>; 9] = std::array::from_fn(|k| chunks(rows[k])[idx]);
         for (a, b) in SWAPS {
-            for i in 0..CHUNK_PX {
-                let (low, high) = (nine[a][i].min(nine[b][i]), nine[a][i].max(nine[b][i]));
-                (nine[a][i], nine[b][i]) = (low, high);
-            }
+            let (one, other) = (nine[a], nine[b]);
+            nine[a] = std::array::from_fn(|i| one[i].min(other[i]));
+            nine[b] = std::array::from_fn(|i| one[i].max(other[i]));
         }
-        for i in 0..CHUNK_PX {
-            mean[i] = i16::from(nine[4][i]) << 7;
-        }
+        *mean = nine[4].map(|level| i16::from(level) << 7);
     }
 }
 

@@ -72,8 +72,8 @@ pub struct Worker {
 /// What turns a frame into blobs.
 #[derive(Debug)]
 enum Eye {
-    Mask(Mask, Foreground, Filtered),
-    Response(Response, Vec<Spot>, Recent),
+    Mask(Mask, Box<Foreground>, Box<Filtered>),
+    Response(Box<Response>, Vec<Spot>, Recent),
 }
 
 impl Worker {
@@ -89,12 +89,12 @@ impl Worker {
         let eye = match &settings.method.how {
             How::Response(threshold) => {
                 let response = Response::new(strip, *threshold, settings).with(simd);
-                Eye::Response(response, Vec::with_capacity(MAX_SPOTS), Recent::default())
+                Eye::Response(Box::new(response), Vec::with_capacity(MAX_SPOTS), Recent::default())
             }
             How::Mask(mask) => Eye::Mask(
                 mask.clone(),
-                Foreground::new(strip, mask.is_differenced, settings),
-                Filtered::new(strip, mask),
+                Box::new(Foreground::new(strip, mask.is_differenced, settings)),
+                Box::new(Filtered::new(strip, mask)),
             ),
         };
         Self { strip, eye, blobs: Blobs::new(strip) }

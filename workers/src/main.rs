@@ -41,7 +41,7 @@ struct Flags {
     /// Foreground differs from the background by more than this many sigma (test-1 to test-7).
     #[arg(long, default_value_t = DEFAULT.background.sigma_threshold, value_parser = sigma)]
     sigma_threshold: f32,
-    /// Smallest sigma of a pixel believed, grey levels.
+    /// Smallest sigma of a pixel believed, grey levels (test-1 to test-7).
     #[arg(long, default_value_t = DEFAULT.background.sigma_floor, value_parser = sigma)]
     sigma_floor: f32,
     /// Frames learned before candidates are reported.
@@ -100,7 +100,11 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
                     &mut slot.insert((info, Worker::new(strip, &settings))).1
                 }
             };
+            let n_relearned = worker.n_relearned();
             let mut message = worker.update(&info, frame.payload());
+            if worker.n_relearned() > n_relearned {
+                tracing::warn!(frame_idx = info.frame_idx, "another picture stays: learned anew");
+            }
             message.started_ns = started_ns;
             message.finished_ns = now_ns();
             candidates.send(message)?;

@@ -89,7 +89,7 @@ pub fn from_blob(response: &Response, blob: &Blob) -> Option<Spot> {
     let least = (PART_OF_CONTRAST * contrast.abs()).max(SIGMAS * sigma);
     let belongs = |(x, y): &(u32, u32)| response.difference(*x, *y) * contrast.signum() > least;
     // The response is over its limit in the middle only.
-    let pixels = grown(response, wider(response, blob_box), &belongs)?;
+    let pixels = grown(response, wider(response, blob_box), belongs)?;
     let around = ring(response, pixels)?;
     let n_inside = pixels.places().filter(&belongs).count();
     let n_ring = around.places().count() - pixels.places().count();
