@@ -16,11 +16,6 @@ use shm_layout::{Camera, Candidate, StampNs};
 /// Part of a ball's diameter its centroid may be off by: one side is lit, the other in shadow.
 const SHADING_PER_DIAMETER: f64 = 0.05;
 
-/// What a fitted ball's middle is off beyond its stated variance: the median on simulated courts is
-/// 0.1 px for far balls and 0.015 diameters for near ones (`scenes`).
-const UNMODELLED_PX: f64 = 0.1;
-const UNMODELLED_PER_DIAMETER: f64 = 0.015;
-
 /// A spot where it was captured, and when.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighting {
@@ -86,13 +81,11 @@ pub fn from_candidates(
     RectifiedFrame { t_ns: frame.exposed_ns, spots }
 }
 
-/// 1 sigma of the place: what the detector says of it and what no detector knows of itself; without
-/// its word, what a thresholded centroid is worth.
+/// 1 sigma of the place: what the detector says, or else what a thresholded centroid is worth.
 fn sigma_of(spot: &Candidate, settings: &Settings) -> f64 {
     let variance_px2 = 0.5 * f64::from(spot.xx_px2 + spot.yy_px2);
-    if variance_px2.is_finite() && variance_px2 >= 0.0 && spot.diameter_px.is_finite() {
-        let unmodelled_px = UNMODELLED_PER_DIAMETER * f64::from(spot.diameter_px);
-        return variance_px2.sqrt().hypot(UNMODELLED_PX).hypot(unmodelled_px);
+    if variance_px2.is_finite() && variance_px2 > 0.0 {
+        return variance_px2.sqrt();
     }
     let size = size_of(spot);
     let diameter_px = size.map_or(0.0, |[width, height, _]| f64::midpoint(width, height));

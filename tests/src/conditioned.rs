@@ -20,7 +20,6 @@ use crate::shade::ShadedGround;
 
 /// Widest picture; rows are worked out on the stack.
 const WIDTH_MAX_PX: usize = 1440;
-/// Around a ball, the background that its contrast is measured against.
 
 /// What conditions need that a calm day does not.
 #[derive(Clone, Debug)]

@@ -150,7 +150,8 @@ fn most_visible_balls_of_a_real_clip_are_among_the_candidates() {
         easy.len(),
         share * 100.0
     );
-    assert!(share > 0.75, "{share}");
+    // Both numbers of both best rows of the thesis' Table 1 (73 % at 4.0, 64 % at 2.1) at once.
+    assert!(share > 0.73 && per_frame < 2.1, "{share} at {per_frame}");
 }
 
 /// Candidates by frame of the clip; those of the empty frames played first are left out.

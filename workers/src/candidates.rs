@@ -36,6 +36,10 @@ const WIDER_MAX: f32 = 1.35;
 /// 1-sigma of the middle of a mask, px, and as a part of the diameter: what the sun pulls.
 const MASK_SIGMA: (f32, f32) = (0.3, 0.05);
 
+/// 1-sigma of what the model of a ball leaves out, px, and as a part of the diameter: the median over
+/// the scenes is 0.1 px for far balls, a sixtieth of the diameter for near ones.
+const BALL_SIGMA: (f32, f32) = (0.1, 0.015);
+
 /// A streak is one when it is this much longer than wide.
 const STRETCH_MIN: f32 = 1.3;
 const STRETCH_MAX: f32 = 4.0;
@@ -181,12 +185,13 @@ fn from_spot(spot: &Spot, response: &Response) -> Option<Candidate> {
     let is_ball = disc.explained >= (EXPLAINED_MIN + stricter).min(EXPLAINED_MOST)
         && disc.contrast.abs() >= CONTRAST_MIN
         && 2.0 * disc.radius_px <= WIDER_MAX * long_px;
+    let unmodelled_px2 = BALL_SIGMA.0.powi(2) + (BALL_SIGMA.1 * 2.0 * disc.radius_px).powi(2);
     is_ball.then_some(Candidate {
         x_px: disc.center_px[0],
         y_px: disc.center_px[1],
-        xx_px2: disc.covariance_px2[0],
+        xx_px2: disc.covariance_px2[0] + unmodelled_px2,
         xy_px2: disc.covariance_px2[1],
-        yy_px2: disc.covariance_px2[2],
+        yy_px2: disc.covariance_px2[2] + unmodelled_px2,
         width_px,
         height_px,
         area_px: spot.n_px as f32,

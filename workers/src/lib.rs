@@ -168,8 +168,8 @@ mod tests {
     const WIDTH_PX: u32 = 320;
     const HEIGHT_PX: u32 = 240;
 
-    /// Noise with rectangles of 1 to 80 px that jump about: small balls, the tallest allowed ones,
-    /// and some too tall, at every place relative to the strips' edges.
+    /// Noise with discs and rectangles of 1 to 80 px that jump about: small balls, the tallest
+    /// allowed ones, and some too tall, at every place relative to the strips' edges.
     fn busy_frame(rng: &mut ChaCha8Rng, n_spots: u32) -> Vec<u8> {
         let mut luma: Vec<u8> =
             (0..WIDTH_PX * HEIGHT_PX).map(|_| 96 + (rng.next_u32() % 8) as u8).collect();
@@ -177,9 +177,17 @@ mod tests {
             let (w, h) = (rng.random_range(1..80), rng.random_range(1..80));
             let (x, y) = (rng.random_range(0..WIDTH_PX), rng.random_range(0..HEIGHT_PX));
             let level = if rng.random_bool(0.5) { 180 } else { 30 };
+            let is_disc = rng.random_bool(0.7);
+            let (w, h) = if is_disc { (w.min(h), w.min(h)) } else { (w, h) };
+            let (radius, middle) = (0.5 * w as f32, x as f32 + 0.5 * w as f32);
             for row in y..(y + h).min(HEIGHT_PX) {
+                let off = (row - y) as f32 + 0.5 - radius;
+                let of_disc = (radius * radius - off * off).max(0.0).sqrt();
+                let half = if is_disc { of_disc } else { radius };
                 let at = (row * WIDTH_PX) as usize;
-                luma[at + x as usize..at + (x + w).min(WIDTH_PX) as usize].fill(level);
+                let first = (middle - half).round().max(0.0) as usize;
+                let end = ((middle + half).round() as usize).min(WIDTH_PX as usize);
+                luma[at + first.min(end)..at + end].fill(level);
             }
         }
         luma

@@ -19,8 +19,8 @@ pub const NEAR_PX: f32 = 12.0;
 /// A larger spot is no faint ball.
 pub const FAINT_SIDE_MAX_PX: u32 = 16;
 
-/// Most spots remembered of a frame.
-const MAX_PLACES: usize = 256;
+/// Room for the spots of a frame; there are no more than blobs, whose number has a limit.
+const N_PLACES: usize = 256;
 
 #[derive(Debug, Clone, Copy)]
 struct Place {
@@ -50,7 +50,7 @@ pub struct Recent {
 
 impl Default for Recent {
     fn default() -> Self {
-        let places = || Vec::with_capacity(MAX_PLACES);
+        let places = || Vec::with_capacity(N_PLACES);
         Self { last: places(), before: places() }
     }
 }
@@ -69,7 +69,7 @@ impl Recent {
     pub fn update(&mut self, spots: &[Spot]) {
         std::mem::swap(&mut self.last, &mut self.before);
         self.last.clear();
-        self.last.extend(spots.iter().filter(|s| is_small(s)).take(MAX_PLACES).map(Place::of));
+        self.last.extend(spots.iter().filter(|s| is_small(s)).map(Place::of));
     }
 }
 
