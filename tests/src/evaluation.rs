@@ -200,7 +200,7 @@ mod tests {
         // The labels lie 1 px left of and 0.5 px below the middle.
         let moved = |label: Label| Label { x_px: label.x_px - 1.0, y_px: 20.0, ..label };
         let labels: Labels = (0..60).filter_map(|k| Some((k, moved(frame(k).1?)))).collect();
-        let settings = Settings { method: Method::TEST_5, ..Settings::DEFAULT };
+        let settings = Settings { method: TABLE_1[4].clone(), ..Settings::DEFAULT };
         let run = || {
             let mut evaluation = Evaluation::new((160, 40), &settings);
             for frame_idx in 0..60 {

@@ -76,3 +76,38 @@ impl Recent {
 fn is_small(spot: &Spot) -> bool {
     spot.pixels.size_px().iter().all(|side_px| *side_px <= FAINT_SIDE_MAX_PX)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spot::PixelBox;
+
+    fn spot(x_px: f32, contrast: f32, signal_to_noise: f32) -> Spot {
+        Spot {
+            pixels: PixelBox { x: (10, 13), y: (10, 13) },
+            n_px: 9,
+            center_px: [x_px, 11.0],
+            moments_px2: [0.7, 0.0, 0.7],
+            contrast,
+            background: 100.0,
+            sigma: 5.0,
+            signal_to_noise,
+            crowd: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_faint_spot_is_believed_when_it_was_near_a_moment_ago() {
+        let mut recent = Recent::default();
+        assert!(recent.believes(&spot(50.0, 20.0, STRONG_SIGMA)));
+        assert!(!recent.believes(&spot(50.0, 20.0, 5.0)));
+        recent.update(&[spot(44.0, 20.0, 5.0)]);
+        assert!(recent.believes(&spot(50.0, 20.0, 5.0)));
+        assert!(!recent.believes(&spot(50.0, -20.0, 5.0)), "dark is not bright");
+        assert!(!recent.believes(&spot(60.0, 20.0, 5.0)), "too far");
+        recent.update(&[]);
+        assert!(recent.believes(&spot(50.0, 20.0, 5.0)), "two frames ago");
+        recent.update(&[]);
+        assert!(!recent.believes(&spot(50.0, 20.0, 5.0)), "three frames ago");
+    }
+}
