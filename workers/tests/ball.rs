@@ -47,7 +47,7 @@ fn the_middle_of_a_side_lit_ball_in_front_of_a_line_is_found() {
 
 #[test]
 fn what_is_no_ball_is_not_explained() {
-    let stripes = |x: u32, _: u32| (if x / 3 % 2 == 0 { 50.0 } else { -50.0 }, 100.0);
+    let stripes = |x: u32, _: u32| (if (x / 3).is_multiple_of(2) { 50.0 } else { -50.0 }, 100.0);
     let start = Start {
         center_px: [20.0, 20.0],
         radius_px: 5.0,
