@@ -95,8 +95,8 @@ pub struct TrackPoint {
     pub right_px: RawPixel,
 }
 
-/// What stays below this height has not been served: a few balls high, and well over what the height
-/// of a point is uncertain by.
+/// What stays below this height has not been served: a few balls high, and well over what the
+/// height of a point is uncertain by.
 const ON_GROUND_M: f64 = 0.25;
 
 /// What was measured of one ball. None is "not observed".

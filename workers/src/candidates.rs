@@ -36,8 +36,8 @@ const WIDER_MAX: f32 = 1.35;
 /// 1-sigma of the middle of a mask, px, and as a part of the diameter: what the sun pulls.
 const MASK_SIGMA: (f32, f32) = (0.3, 0.05);
 
-/// 1-sigma of what the model of a ball leaves out, px, and as a part of the diameter: the median over
-/// the scenes is 0.1 px for far balls, a sixtieth of the diameter for near ones.
+/// 1-sigma of what the model of a ball leaves out, px, and as a part of the diameter: the median
+/// over the scenes is 0.1 px for far balls, a sixtieth of the diameter for near ones.
 const BALL_SIGMA: (f32, f32) = (0.1, 0.015);
 
 /// A streak is one when it is this much longer than wide.

@@ -8,16 +8,16 @@
 //!   I - μ ≈ K (L - μ),   L = shadow + max(0, sun · n),   K = S((R - r)/w + ½)
 //! ```
 //!
-//! n is the sphere's normal, r the distance from its middle, K how much of the pixel it covers: S is
-//! the smoothstep, w what pixel and lens blur. μ is each pixel's own background, so a ball half in
-//! front of a white line is no less a ball. Motion during the exposure stretches the outline along
-//! its streak, evenly to both sides, so the middle stays that of the middle of the exposure.
+//! n is the sphere's normal, r the distance from its middle, K how much of the pixel it covers: S
+//! is the smoothstep, w what pixel and lens blur. μ is each pixel's own background, so a ball half
+//! in front of a white line is no less a ball. Motion during the exposure stretches the outline
+//! along its streak, evenly to both sides, so the middle stays that of the middle of the exposure.
 //!
-//! Gauss-Newton, seven unknowns, on the sum of squares over the noise. Priors stand for what a small
-//! ball cannot tell: light comes from above, more or less, and the radius is within 30 % of what the
-//! spot looks like. The inverse of the normal matrix is the covariance, so a far ball that might be
-//! lit from one side says so in its variance; where the model does not fit, the variance grows by χ²
-//! per pixel.
+//! Gauss-Newton, seven unknowns, on the sum of squares over the noise. Priors stand for what a
+//! small ball cannot tell: light comes from above, more or less, and the radius is within 30 % of
+//! what the spot looks like. The inverse of the normal matrix is the covariance, so a far ball that
+//! might be lit from one side says so in its variance; where the model does not fit, the variance
+//! grows by χ² per pixel.
 //!
 //! Cost: some 60 operations per pixel and iteration; 5-15 µs for a far ball.
 
@@ -71,8 +71,8 @@ pub struct Start {
     pub contrast: f32,
     /// The background's grey level around the spot.
     pub background: f32,
-    /// σ of a pixel, grey levels: a third of that of a sum of nine, so that it stands for noise that
-    /// neighbours share.
+    /// σ of a pixel, grey levels: a third of that of a sum of nine, so that it stands for noise
+    /// that neighbours share.
     pub sigma: f32,
     /// By how much a pixel's own variance is smaller than that.
     pub likeness: f32,

@@ -1,7 +1,7 @@
 //! Frame → light: how bright each row is against its background, and whether that still holds.
 //!
 //! A cloud, an exposure that adjusts itself and a flickering lamp change all pixels of a row by one
-//! factor. It is estimated on every [`GRID_STEP_PX`]th row of the *whole* frame by every worker, on
+//! factor. It is estimated on every 32nd row of the *whole* frame by every worker, on
 //! a background of its own, so that the answer does not depend on how many share a frame:
 //!
 //! ```text
@@ -108,8 +108,8 @@ impl Grid {
         &self.gains_q15
     }
 
-    /// How alike the noise of neighbours is: the variance of a sum of nine over nine variances, 1 for
-    /// white noise, more where a video was compressed or leaves sway.
+    /// How alike the noise of neighbours is: the variance of a sum of nine over nine variances, 1
+    /// for white noise, more where a video was compressed or leaves sway.
     #[must_use]
     pub fn likeness(&self) -> f32 {
         self.likeness

@@ -3,8 +3,8 @@
 //! Read in this order: [`strip`] says which rows of a frame are a worker's own; [`grid`] how bright
 //! the light is and whether the frame shows what was learned; [`response`] where something stands
 //! out of the background and is new, with [`kernels`] for what is done to every pixel and
-//! [`dispatch`] for the machine's instructions; [`blobs`] joins pixels, [`spot`] takes what is alone,
-//! [`disc`] says where its middle is, [`candidates`] keeps what could be a ball, and
+//! [`dispatch`] for the machine's instructions; [`blobs`] joins pixels, [`spot`] takes what is
+//! alone, [`disc`] says where its middle is, [`candidates`] keeps what could be a ball, and
 //! [`Worker::update`] is all. The thesis' methods take [`foreground`] pixels and what [`filtered`]
 //! leaves of them in place of the response; [`method`] has their names.
 //!

@@ -1,8 +1,8 @@
 //! The ways of finding balls that can be asked for by name: the seven configurations of the thesis'
 //! Table 1 (section 6.4), and [`MATCHED`], which is the default. Each of the former says whether
 //! foreground must be new, what is done to the mask, and how large a blob must be. A filter is a
-//! sequence of [`Stage`]s; erosion, dilation and the low-pass filter on a binary mask are all the same thing, a
-//! count of ones in a window, so one kernel serves them all.
+//! sequence of [`Stage`]s; erosion, dilation and the low-pass filter on a binary mask are all the
+//! same thing, a count of ones in a window, so one kernel serves them all.
 //!
 //! OpenCV anchors a kernel of even side right and below its middle, which moves what it filters by
 //! half a pixel a stage; `shift_px` is what is taken off again where a centre is reported.

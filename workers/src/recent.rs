@@ -2,7 +2,8 @@
 //!
 //! Noise reaches 4.5 σ somewhere in every frame, a faint ball no more than that. But noise does not
 //! come again next to where it was: with three faint spots a frame, one in a hundred has another of
-//! its sign within [`NEAR_PX`] in one of the two frames before; a ball has, from its second frame on.
+//! its sign within [`NEAR_PX`] in one of the two frames before; a ball has, from its second frame
+//! on.
 //!
 //! Which spots of a strip are believed depends on what is within that distance alone, and only on
 //! small spots, which the halo holds whole: so it is the same for every number of strips.

@@ -21,15 +21,15 @@ const GROWING_SHARE: f32 = 0.2;
 pub const RING_PX: u32 = 3;
 const RING_SHARE_MAX: f32 = 0.4;
 
-/// Around a ball, out to here, few pixels stand out for each of its own: its shadow, a bit of noise.
-/// Around a part of a person many do.
+/// Around a ball, out to here, few pixels stand out for each of its own: its shadow, a bit of
+/// noise. Around a part of a person many do.
 pub const CROWD_PX: u32 = 12;
 const CROWD_MAX: f32 = 8.0;
 /// So many own pixels are taken for granted, so that a faint ball does not stand alone on two.
 const OWN_MIN: u32 = 5;
 
-/// One pixel alone makes up more than this part of the sum of nine (of the smallest ball a fifth): a
-/// hot pixel or a bit error, or two of them.
+/// One pixel alone makes up more than this part of the sum of nine (of the smallest ball a fifth):
+/// a hot pixel or a bit error, or two of them.
 const IMPULSE_SHARE: f32 = 0.4;
 
 /// Columns and rows of the whole frame: first and last.

@@ -4,7 +4,7 @@
 //! ([`crate::grid`]) and sums over the 3x3 pixels around one:
 //!
 //! ```text
-//!   D = Σd     kept ⇐ |D| > T n   and   sign(D) ΣΔ > (T/2) n     Δ: change since `look_back` frames
+//!   D = Σd     kept ⇐ |D| > T n   and   sign(D) ΣΔ > (T/2) n    Δ: change since `look_back` frames
 //! ```
 //!
 //! A mask asks each pixel alone whether it is foreground, and the thesis' test 5 then needs ten of
@@ -16,7 +16,7 @@
 //! block of [`BLOCK_PX`]² raises that block's T until it comes up in 0.3 % of frames: a bush in a
 //! gust, a flag (constant false-alarm rate in time).
 //!
-//! Here is what is kept and what others may ask; [`pass`] is what a frame does to it. Everything
+//! Here is what is kept and what others may ask; `pass` is what a frame does to it. Everything
 //! depends on a pixel, its neighbours and its block alone, so the number of strips changes nothing.
 //!
 //! Memory: 4 bytes of model, 5 of past frames and 9 of the first ones per pixel.

@@ -17,8 +17,8 @@ use crate::kernels::{
 use crate::strip::BLOCK_PX;
 use std::ops::Range;
 
-/// What a difference counts for at most: 32 grey levels. A ball that flies by moves the mean by half
-/// a grey level; one that stays is background in 5 to 10 s.
+/// What a difference counts for at most: 32 grey levels. A ball that flies by moves the mean by
+/// half a grey level; one that stays is background in 5 to 10 s.
 const STEP_MAX_Q7: i16 = 32 << 7;
 
 /// A block's T rises by so much (Q10, in units of n) in a frame that finds something there …
