@@ -205,7 +205,8 @@ fn bench(size_px: (u32, u32), scene: &str, n_noise: usize, all: &[(Method, Simd)
 fn stages(size_px: (u32, u32), scene: &str, n_noise: usize) {
     let frames = frames((size_px.0 as usize, size_px.1 as usize), n_noise);
     let strip = Strip::new(0, 1, size_px);
-    let mut response = Response::new(strip, method::THRESHOLD_SIGMA, &Settings::DEFAULT);
+    let mut response =
+        Response::new(Simd::best(), strip, method::THRESHOLD_SIGMA, &Settings::DEFAULT);
     let mut blobs = Blobs::new(strip);
     let (mut spots, mut recent) = (Vec::new(), Recent::default());
     let names = ["light and one pass", "labelling", "spots, balls, candidates"];

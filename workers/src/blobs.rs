@@ -43,6 +43,12 @@ impl Blob {
         }
     }
 
+    /// Width and height of its box.
+    #[must_use]
+    pub fn size_px(&self) -> [u32; 2] {
+        [self.x_max - self.x_min + 1, self.y_max - self.y_min + 1]
+    }
+
     fn merge(&mut self, other: &Self) {
         self.n_px += other.n_px;
         self.x_min = self.x_min.min(other.x_min);

@@ -37,7 +37,7 @@ const WIDER_MAX: f32 = 1.35;
 const MASK_SIGMA: (f32, f32) = (0.3, 0.05);
 
 /// 1-sigma of what the model of a ball leaves out, px, and as a part of the diameter: the median
-/// over the scenes is 0.1 px for far balls, a sixtieth of the diameter for near ones.
+/// on the scene `easy` is 0.1 px up to 9 px of diameter and 0.3 px at 12 to 17.
 const BALL_SIGMA: (f32, f32) = (0.1, 0.015);
 
 /// A streak is one when it is this much longer than wide.
@@ -59,44 +59,33 @@ const NEAR_BALL_PX: u32 = 10;
 /// A pixel's own width, and what the lens adds, as a variance.
 const BLUR_PX2: f32 = 0.08;
 
-/// The candidates of a strip, as far as they have been seen.
-#[derive(Debug)]
-struct Kept<'a> {
-    message: &'a mut StripCandidates,
-}
-
-impl Kept<'_> {
-    /// Keeps a candidate if it is one of the best; the rest are counted.
-    fn add(&mut self, candidate: Candidate) {
-        let message = &mut *self.message;
-        let mut n = message.n_candidates as usize;
-        let kept = &message.candidates[..n];
-        let rank = kept.partition_point(|other| other.by_worth(&candidate) == Ordering::Less);
-        if n < MAX_CANDIDATES {
-            n += 1;
-        } else {
-            message.n_dropped += 1;
-        }
-        if rank < n {
-            message.candidates[rank..n].rotate_right(1);
-            message.candidates[rank] = candidate;
-        }
-        message.n_candidates = n as u32;
+/// Keeps a candidate if it is one of the best; the rest are counted.
+fn keep(message: &mut StripCandidates, candidate: Candidate) {
+    let mut n = message.n_candidates as usize;
+    let kept = &message.candidates[..n];
+    let rank = kept.partition_point(|other| other.by_worth(&candidate) == Ordering::Less);
+    if n < MAX_CANDIDATES {
+        n += 1;
+    } else {
+        message.n_dropped += 1;
     }
+    if rank < n {
+        message.candidates[rank..n].rotate_right(1);
+        message.candidates[rank] = candidate;
+    }
+    message.n_candidates = n as u32;
 }
 
 /// Adds what is left of a filtered mask.
 pub fn add_from_mask(message: &mut StripCandidates, blobs: &[Blob], strip: Strip, mask: &Mask) {
-    let mut kept = Kept { message };
     let own = strip.own();
     for blob in blobs {
-        let size_px = [blob.x_max - blob.x_min + 1, blob.y_max - blob.y_min + 1];
         let is_candidate = own.contains(&blob.y_min.midpoint(blob.y_max))
             && blob.n_px >= mask.min_area_px
-            && is_ball_like(size_px)
+            && is_ball_like(blob.size_px())
             && is_inside((blob.x_min, blob.x_max), (blob.y_min, blob.y_max), strip);
         if is_candidate {
-            kept.add(from_blob(blob, mask));
+            keep(message, from_blob(blob, mask));
         }
     }
 }
@@ -118,7 +107,6 @@ pub fn add_from_response(
     let measured = blobs.iter().filter_map(|blob| spot::from_blob(response, blob));
     spots.extend(measured.filter(is_candidate));
     let own = strip.own();
-    let mut kept = Kept { message };
     for spot in spots.iter() {
         let (first, last) = spot.pixels.y;
         let is_own = own.contains(&first.midpoint(last));
@@ -126,7 +114,7 @@ pub fn add_from_response(
             && recent.believes(spot)
             && !spots.iter().any(|other| is_same_and_better(other, spot))
         {
-            from_spot(spot, response).into_iter().for_each(|candidate| kept.add(candidate));
+            from_spot(spot, response).into_iter().for_each(|candidate| keep(message, candidate));
         }
     }
     recent.update(spots);
@@ -158,8 +146,7 @@ fn is_inside(x: (u32, u32), y: (u32, u32), strip: Strip) -> bool {
 
 fn from_blob(blob: &Blob, mask: &Mask) -> Candidate {
     let mean = |sum: u64| (sum as f64 / f64::from(blob.n_px)) as f32;
-    let [width_px, height_px] =
-        [blob.x_max - blob.x_min + 1, blob.y_max - blob.y_min + 1].map(|side| side as f32);
+    let [width_px, height_px] = blob.size_px().map(|side_px| side_px as f32);
     let variance_px2 = MASK_SIGMA.0.powi(2) + (MASK_SIGMA.1 * width_px.max(height_px)).powi(2);
     // A mask knows nothing of the rest.
     Candidate {

@@ -24,8 +24,9 @@
 use crate::dispatch::{Simd, Task};
 use nalgebra::{Cholesky, SMatrix, SVector};
 
-/// Blur of the outline: pixel and lens, and for near balls what their motion adds. Of 1.4 to 2.5 px
-/// the smallest RMS over the scenes; with nothing per radius near balls come out too small.
+/// Blur of the outline: pixel and lens, and for near balls what their motion adds. Of 1.6, 1.9, 2.2
+/// and 2.5 px the one with the smallest RMS over the scenes; with nothing per radius near balls
+/// come out too small.
 const EDGE_WIDTH_PX: f32 = 1.6;
 const EDGE_PER_RADIUS: f32 = 0.05;
 
@@ -91,7 +92,7 @@ pub struct Disc {
     pub contrast: f32,
     /// Which part of the squares beyond the noise the disc explains: 1 all.
     pub explained: f32,
-    /// Half the negative logarithm of how likely this is: the fit with the least is the best.
+    /// Twice the negative logarithm of how likely this is: the fit with the least is the best.
     pub cost: f32,
     /// As in [`Start`].
     pub stretch: f32,

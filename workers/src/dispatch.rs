@@ -32,21 +32,30 @@ impl Simd {
     /// Those this machine has, slowest first.
     #[must_use]
     pub fn available() -> Vec<Self> {
-        let mut found = vec![Self::Portable];
-        #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx2") {
-                found.push(Self::Avx2);
-            }
-            if is_x86_feature_detected!("avx2")
-                && is_x86_feature_detected!("avx512f")
-                && is_x86_feature_detected!("avx512bw")
-                && is_x86_feature_detected!("avx512vl")
-            {
-                found.push(Self::Avx512);
+        let all = [
+            Self::Portable,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512,
+        ];
+        all.into_iter().filter(|simd| simd.is_there()).collect()
+    }
+
+    /// Whether this machine has all that the functions below are compiled with.
+    fn is_there(self) -> bool {
+        match self {
+            Self::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                is_x86_feature_detected!("avx2")
+                    && is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512bw")
+                    && is_x86_feature_detected!("avx512vl")
             }
         }
-        found
     }
 
     /// The fastest this machine has.
@@ -73,24 +82,15 @@ impl Simd {
     /// When this machine has no such instructions.
     #[inline]
     pub fn run(self, task: impl Task) {
+        assert!(self.is_there(), "a machine with {}", self.name());
         match self {
             Self::Portable => task.run(),
+            // SAFETY: the instructions were found on this machine just now.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => {
-                assert!(is_x86_feature_detected!("avx2"), "a machine with AVX2");
-                // SAFETY: the instructions were found on this machine the line before.
-                unsafe { run_avx2(task) }
-            }
+            Self::Avx2 => unsafe { run_avx2(task) },
+            // SAFETY: the instructions were found on this machine just now.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => {
-                let has = is_x86_feature_detected!("avx512bw")
-                    && is_x86_feature_detected!("avx512vl")
-                    && is_x86_feature_detected!("avx512f")
-                    && is_x86_feature_detected!("avx2");
-                assert!(has, "a machine with AVX-512");
-                // SAFETY: the instructions were found on this machine the lines before.
-                unsafe { run_avx512(task) }
-            }
+            Self::Avx512 => unsafe { run_avx512(task) },
         }
     }
 }

@@ -15,7 +15,7 @@
 //!
 //! Cost: a thirtieth of the pixels, three times; a fourth of those is learned.
 
-use crate::kernels::{GAIN_ONE, level_q7};
+use crate::kernels::{GAIN_ONE, drawn_towards, level_q7};
 
 /// Every so many rows one is looked at.
 const GRID_STEP_PX: usize = 32;
@@ -144,8 +144,6 @@ impl Grid {
     #[inline(always)]
     pub fn learn(&mut self, luma: &[u8], shift: u32, (turn, n_turns): (u64, usize)) {
         let dither = (turn / n_turns as u64 % (1 << shift)) as u16;
-        let dithered = |q7: u16| q7.saturating_add(dither) >> shift;
-        let learned = |noise: u16, size: u16| noise - dithered(noise).min(noise) + dithered(size);
         let first = (turn % n_turns as u64) as usize;
         for k in (first..self.rows_q15.len()).step_by(n_turns) {
             let y = row_of_grid(k, self.height_px);
@@ -158,14 +156,15 @@ impl Grid {
             for (((&luma, mean), noise), seen) in pixels.zip(noise).zip(&mut self.differences) {
                 let difference = level_q7(luma, gain_q15) - *mean;
                 *mean += difference.saturating_add(dither as i16) >> shift;
-                *noise = learned(*noise, difference.unsigned_abs());
+                *noise = drawn_towards(*noise, difference.unsigned_abs(), shift, dither);
                 totals.mean_q7 += i32::from(*mean);
                 totals.of_one += u32::from(*noise);
                 *seen = difference >> 2; // so that three fit
             }
             let threes = self.noise_of_three[model].iter_mut();
             for (noise, three) in threes.zip(self.differences.windows(3)) {
-                *noise = learned(*noise, (three[0] + three[1] + three[2]).unsigned_abs());
+                let size = (three[0] + three[1] + three[2]).unsigned_abs();
+                *noise = drawn_towards(*noise, size, shift, dither);
                 totals.of_three += u32::from(*noise);
             }
             self.totals[k] = totals;

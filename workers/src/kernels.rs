@@ -44,6 +44,13 @@ pub struct Learning {
     pub noise_min_q7: u16,
 }
 
+/// A mean of sizes, drawn towards another one with weight 2^-shift, dithered as in [`Learning`].
+#[inline(always)]
+pub fn drawn_towards(mean_q7: u16, size_q7: u16, shift: u32, dither: u16) -> u16 {
+    let part = |q7: u16| q7.saturating_add(dither) >> shift;
+    mean_q7 - part(mean_q7).min(mean_q7) + part(size_q7)
+}
+
 /// Multiplies two fixed-point numbers and keeps the upper half.
 #[inline(always)]
 fn upper(a: u16, b: u16) -> u16 {
@@ -202,8 +209,7 @@ fn learn_noise(sizes: &[u16], noise: &mut [u16], learning: &Learning) {
             let most = noise[i].saturating_mul(4);
             // Fifths, so that five of the largest fit 16 bits.
             let seen = taps.iter().map(|tap| upper(tap[idx][i].min(most), u16::MAX / 5 + 1));
-            let dithered = |q7: u16| q7.saturating_add(learning.dither) >> learning.shift;
-            let learned = noise[i] - dithered(noise[i]).min(noise[i]) + dithered(seen.sum());
+            let learned = drawn_towards(noise[i], seen.sum(), learning.shift, learning.dither);
             noise[i] = learned.clamp(learning.noise_min_q7, NOISE_MAX_Q7);
         }
     }

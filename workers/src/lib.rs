@@ -88,7 +88,7 @@ impl Worker {
     pub fn with(simd: Simd, strip: Strip, settings: &Settings) -> Self {
         let eye = match &settings.method.how {
             How::Response(threshold) => {
-                let response = Response::new(strip, *threshold, settings).with(simd);
+                let response = Response::new(simd, strip, *threshold, settings);
                 Eye::Response(Box::new(response), Vec::with_capacity(MAX_SPOTS), Recent::default())
             }
             How::Mask(mask) => Eye::Mask(

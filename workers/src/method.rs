@@ -73,7 +73,7 @@ const CROSS_3: [Window; 2] = [window(-1..=1, 0..=0), window(0..=0, -1..=1)];
 const CIRCLE_5: [Window; 2] = [window(-2..=2, -1..=1), window(0..=0, -2..=2)];
 
 /// Farthest row, up or down, that any method looks at beyond a blob: all its stages together, or
-/// the ring around a spot.
+/// the crowd around a spot.
 pub const REACH_PX: u32 = 12;
 
 /// A mean of 255s and 0s over `threshold` needs 25 * 174 / 255 = 17.06, so 18, and so on.

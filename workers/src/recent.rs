@@ -13,8 +13,8 @@ use crate::spot::Spot;
 /// Believed at sight, σ.
 pub const STRONG_SIGMA: f32 = 7.0;
 
-/// How far a far ball moves in a frame, and some: at 30 m/s and 90 frames/s 0.33 m, which are 20 px
-/// at 20 m seen from the side.
+/// How far a faint ball moves in a frame, and some: the machine's balls fly away from the cameras,
+/// and far ones move a few pixels. One hit across the view moves more and has to be strong.
 pub const NEAR_PX: f32 = 12.0;
 
 /// A larger spot is no faint ball.

@@ -7,8 +7,10 @@
 //! otherwise is its crowd, and makes the judge of its shape stricter.
 
 use crate::blobs::Blob;
+use crate::method::REACH_PX;
 use crate::response::Response;
 use crate::strip::MAX_BALL_PX;
+use std::ops::Range;
 
 /// A pixel belongs to the spot when it has this part of its contrast and is over so many σ.
 const PART_OF_CONTRAST: f32 = 0.35;
@@ -18,12 +20,15 @@ const SIGMAS: f32 = 1.5;
 const GROWING_SHARE: f32 = 0.2;
 
 /// Of the ring this wide around a ball, at most this share belongs too.
-pub const RING_PX: u32 = 3;
+const RING_PX: u32 = 3;
 const RING_SHARE_MAX: f32 = 0.4;
 
 /// Around a ball, out to here, few pixels stand out for each of its own: its shadow, a bit of
 /// noise. Around a part of a person many do.
-pub const CROWD_PX: u32 = 12;
+const CROWD_PX: u32 = 12;
+// Else a strip would not know the crowd of a blob at the edge of its halo, and the answer would
+// depend on the number of workers.
+const _: () = assert!(RING_PX <= REACH_PX && CROWD_PX <= REACH_PX);
 const CROWD_MAX: f32 = 8.0;
 /// So many own pixels are taken for granted, so that a faint ball does not stand alone on two.
 const OWN_MIN: u32 = 5;
@@ -46,6 +51,10 @@ impl PixelBox {
     #[must_use]
     pub fn size_px(&self) -> [u32; 2] {
         [self.x.1 - self.x.0 + 1, self.y.1 - self.y.0 + 1]
+    }
+
+    fn area_px(&self) -> u32 {
+        self.size_px().iter().product()
     }
 
     fn places(self) -> impl Iterator<Item = (u32, u32)> {
@@ -92,7 +101,7 @@ pub fn from_blob(response: &Response, blob: &Blob) -> Option<Spot> {
     let pixels = grown(response, wider(response, blob_box), belongs)?;
     let around = ring(response, pixels)?;
     let n_inside = pixels.places().filter(&belongs).count();
-    let n_ring = around.places().count() - pixels.places().count();
+    let n_ring = around.area_px() - pixels.area_px();
     let n_ring_out = around.places().filter(&belongs).count() - n_inside;
     if n_ring_out as f32 > RING_SHARE_MAX * n_ring as f32 {
         return None;
@@ -105,10 +114,11 @@ pub fn from_blob(response: &Response, blob: &Blob) -> Option<Spot> {
     // Sums are taken from the first pixel, so that f32 keeps its digits at column 4000.
     let (x_0, y_0) = (pixels.x.0 as f32, pixels.y.0 as f32);
     for (x, y) in pixels.places().filter(&belongs) {
-        let weight = response.difference(x, y).abs().min(0.5 * contrast.abs());
+        let (difference, behind) = response.pixel(x, y);
+        let weight = difference.abs().min(0.5 * contrast.abs());
         let (dx, dy) = (x as f32 - x_0, y as f32 - y_0);
         weights += weight;
-        background += weight * response.pixel(x, y).1;
+        background += weight * behind;
         sums = [sums[0] + weight * dx, sums[1] + weight * dy];
         let products = [dx * dx, dx * dy, dy * dy];
         squares = std::array::from_fn(|k| squares[k] + weight * products[k]);
@@ -130,13 +140,12 @@ pub fn from_blob(response: &Response, blob: &Blob) -> Option<Spot> {
 
 /// Pixels that stand out near a box, for each of those in it.
 fn crowd_of(response: &Response, pixels: PixelBox) -> f32 {
-    let (columns, rows) = response.known();
+    let (columns, rows) = (response.known().0, response.tested());
     let n_within = |by: u32| {
-        let cut = |(first, last): (u32, u32), (start, end): (u32, u32)| {
-            first.saturating_sub(by).max(start)..(last + by + 1).min(end)
+        let cut = |(first, last): (u32, u32), to: &Range<u32>| {
+            first.saturating_sub(by).max(to.start)..(last + by + 1).min(to.end)
         };
-        let rows = (response.tested().start.max(rows.start), response.tested().end);
-        response.n_standing_out(cut(pixels.x, (columns.start, columns.end)), cut(pixels.y, rows))
+        response.n_standing_out(cut(pixels.x, &columns), cut(pixels.y, &rows))
     };
     let (own, near) = (n_within(1), n_within(CROWD_PX));
     (near - own) as f32 / (own + OWN_MIN) as f32
@@ -173,7 +182,7 @@ fn strongest_response(response: &Response, within: PixelBox) -> Option<Strongest
 /// The box with one pixel more on each side, where there is one.
 fn wider(response: &Response, PixelBox { x, y }: PixelBox) -> PixelBox {
     let (columns, rows) = response.known();
-    let grow = |(first, last): (u32, u32), known: std::ops::Range<u32>| {
+    let grow = |(first, last): (u32, u32), known: Range<u32>| {
         (first.max(known.start + 1) - 1, (last + 1).min(known.end - 1))
     };
     PixelBox { x: grow(x, columns), y: grow(y, rows) }
@@ -190,9 +199,8 @@ fn grown(
     loop {
         let PixelBox { x, y } = pixels;
         let goes_on = |side: PixelBox| {
-            let n = side.places().count();
             let n_out = side.places().filter(&belongs).count();
-            n_out >= 2 && n_out as f32 > GROWING_SHARE * n as f32
+            n_out >= 2 && n_out as f32 > GROWING_SHARE * side.area_px() as f32
         };
         let mut next = pixels;
         if x.0 > columns.start && goes_on(PixelBox { x: (x.0 - 1, x.0 - 1), y }) {
@@ -222,7 +230,7 @@ fn grown(
 fn ring(response: &Response, pixels: PixelBox) -> Option<PixelBox> {
     let (columns, rows) = response.known();
     let PixelBox { x, y } = pixels;
-    let is_known = |(first, last): (u32, u32), known: &std::ops::Range<u32>| {
+    let is_known = |(first, last): (u32, u32), known: &Range<u32>| {
         (first >= known.start + RING_PX && last + RING_PX < known.end)
             .then(|| (first - RING_PX, last + RING_PX))
     };

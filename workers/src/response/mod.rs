@@ -39,7 +39,7 @@ const SIGMA_OF_MEAN_SIZE: f32 = 1.253_314;
 /// Nothing fainter is a ball, grey levels: where noise is small, T is not what limits.
 const CONTRAST_MIN: f32 = 7.0;
 
-/// … and rises to 48 n at most.
+/// A block's T is 48 n at most, Q10.
 const LIMIT_MAX_Q10: u16 = 48 << 10;
 
 /// Frames that the first background is the median of: who walks through is not part of it.
@@ -112,7 +112,7 @@ struct Scratch {
 impl Response {
     /// A background that has learned nothing, for spots of more than `threshold` σ.
     #[must_use]
-    pub fn new(strip: Strip, threshold: f32, settings: &Settings) -> Self {
+    pub fn new(simd: Simd, strip: Strip, threshold: f32, settings: &Settings) -> Self {
         let (width_px, height_px) = (strip.width_px(), strip.height_px());
         let stride_px = (width_px as usize).next_multiple_of(CHUNK_PX);
         let n_learned = strip.learned().len();
@@ -127,7 +127,7 @@ impl Response {
         let margined = stride_px + 2 * MARGIN_PX;
         let n_slots = settings.look_back.max(1) + 1;
         Self {
-            simd: Simd::best(),
+            simd,
             strip,
             n_learning: u64::from(settings.background.n_learning).max(N_LEARNING_MIN),
             shift: (-rate.log2()).round().clamp(0.0, 8.0) as u32,
@@ -160,12 +160,6 @@ impl Response {
             n_changed: 0,
             n_relearned: 0,
         }
-    }
-
-    /// The same with these instructions.
-    #[must_use]
-    pub fn with(self, simd: Simd) -> Self {
-        Self { simd, ..self }
     }
 
     /// The instructions used.

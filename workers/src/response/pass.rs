@@ -21,10 +21,11 @@ use std::ops::Range;
 /// half a grey level; one that stays is background in 5 to 10 s.
 const STEP_MAX_Q7: i16 = 32 << 7;
 
-/// A block's T rises by so much (Q10, in units of n) in a frame that finds something there …
+/// A block's T rises by so much (Q10, in units of n) in a frame that finds something there, and
 const LIMIT_STEP_Q10: u16 = 40;
-/// … sinks by one in every eighth frame …
+/// sinks by one in every eighth frame.
 const LIMIT_DECAY_TURNS: u64 = 8;
+
 /// What a median of nine knows, in frames: it is as good as the mean of six.
 const MEDIAN_WORTH: u64 = 6;
 
@@ -205,15 +206,11 @@ impl Response {
     #[inline(always)]
     fn end_columns(&mut self, y: u32) {
         let row = (y - self.strip.learned().start) as usize;
+        self.scratch.differences[row % 3].fill(0);
         let [first, second, third] = &self.scratch.differences;
-        let (above, before) = match row % 3 {
-            0 => (third, second),
-            1 => (first, third),
-            _ => (second, first),
-        };
         let sums = &mut self.scratch.sums[MARGIN_PX..][..self.stride_px];
-        for ((sum, above), before) in sums.iter_mut().zip(above).zip(before) {
-            *sum = above + before;
+        for (((sum, a), b), c) in sums.iter_mut().zip(first).zip(second).zip(third) {
+            *sum = a + b + c;
         }
     }
 
