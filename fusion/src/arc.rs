@@ -101,7 +101,7 @@ impl Arc {
         let a = self.acceleration_m_s2();
         // d/dt (-k |v| v)
         let speed_m_s = v.norm();
-        let jerk_m_s3 = (a * speed_m_s + v * (v.dot(&a) / speed_m_s)) * -physics.ball.drag_per_m();
+        let jerk_m_s3 = (a * speed_m_s + v * (v.dot(&a) / speed_m_s)) * -physics.drag_per_m();
         let expected_m_s2 = physics.acceleration_m_s2(&v);
         Self { jerk_m_s3, ..self.clone() }.fitted(points, expected_m_s2, physics)
     }

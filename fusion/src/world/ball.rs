@@ -3,11 +3,11 @@
 //! Position and velocity at one time -> the same at another. Used to *predict* (the next token of a
 //! tracklet, whether two tracklets meet, the flight back to the launcher), never to measure.
 //!
-//! `a = g − k |v| v`, `k = ρ C_D A / 2m`, `A = π D²/4` (the thesis' Eq 10 calls A the surface,
+//! `a = g − k C_D |v| v`, `k = ρ A / 2m`, `A = π D²/4` (the thesis' Eq 10 calls A the surface,
 //! which is four times as large). `C_D` is a constant: 0.507 ± 0.024 in free flight at any speed
 //! and spin of play (Cross & Lindsey 2014); the thesis' Eq 12 is a wind-tunnel fit, 8-60 % above
-//! it. Spin is not known here and left out: over the 0.1 s a prediction looks ahead it moves a ball
-//! 2-4 cm.
+//! it ([`drag_of_thesis`]). Spin is not known here and left out: over the 0.1 s a prediction looks
+//! ahead it moves a ball 2-4 cm. [`crate::world::trajectory`] has all of it.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -17,11 +17,27 @@ pub const GRAVITY_M_S2: f64 = 9.81;
 /// Drag coefficient: between free flight (0.507) and worn, fluffed balls (0.55).
 pub const DRAG_COEFFICIENT: f64 = 0.53;
 
+/// New balls in free flight, 15-30 m/s, 0-2500 rpm (Cross & Lindsey, Sports Eng. 17, 2014).
+pub const DRAG_FREE_FLIGHT: f64 = 0.507;
+
+/// 1 sigma of a ball's own drag coefficient: worn ones lower, fluffed ones higher.
+pub const DRAG_SIGMA: f64 = 0.05;
+
 /// Acceleration by spin: 8 m/s² at 2500 rpm and 25 m/s, which few machines reach.
 pub const SPIN_SIGMA_M_S2: f64 = 6.0;
 
-/// Density of air at 20 °C and sea level; 3 % less at 30 °C, 12 % less at 1000 m.
-const AIR_DENSITY_KG_M3: f64 = 1.2;
+/// The thesis' Eq 12 (Stepanek, Am. J. Phys. 56, 1988, in a wind tunnel): 0.55 without spin, up to
+/// 0.84. `speed_ratio` is the speed over that of the ball's turning surface.
+#[must_use]
+pub fn drag_of_thesis(speed_ratio: f64) -> f64 {
+    0.55 + 1.0 / (22.5 + 4.2 * speed_ratio.powf(2.5)).powf(0.4)
+}
+
+/// The thesis' Eq 11: the lift coefficient at this ratio of speed over that of the surface.
+#[must_use]
+pub fn lift_of_thesis(speed_ratio: f64) -> f64 {
+    1.0 / (2.0 + speed_ratio)
+}
 
 /// Integration step: the error of one step at 30 m/s is below a micrometre.
 const STEP_S: f64 = 0.02;
@@ -48,13 +64,6 @@ impl Ball {
     pub fn radius_m(&self) -> f64 {
         self.diameter_m / 2.0
     }
-
-    /// `k` of `a = −k |v| v`, per metre.
-    #[must_use]
-    pub fn drag_per_m(&self) -> f64 {
-        let area_m2 = std::f64::consts::PI * self.diameter_m.powi(2) / 4.0;
-        AIR_DENSITY_KG_M3 * DRAG_COEFFICIENT * area_m2 / (2.0 * self.mass_kg)
-    }
 }
 
 /// What bends a flight in the tracking frame.
@@ -62,6 +71,8 @@ impl Ball {
 pub struct Physics {
     /// The ball in play.
     pub ball: Ball,
+    /// See [`crate::world::air`].
+    pub air_density_kg_m3: f64,
     /// Gravity in the tracking frame; zero if that is not known to be level (no court).
     pub gravity_m_s2: Vector3<f64>,
     /// What the air does beyond drag, chiefly lift of a spinning ball: acceleration per speed
@@ -81,10 +92,23 @@ pub struct State {
 }
 
 impl Physics {
+    /// `k = ρ A / 2m`.
+    #[must_use]
+    pub fn air_per_m(&self) -> f64 {
+        let area_m2 = std::f64::consts::PI * self.ball.diameter_m.powi(2) / 4.0;
+        self.air_density_kg_m3 * area_m2 / (2.0 * self.ball.mass_kg)
+    }
+
+    /// `k C_D` of a ball in the middle of what they are.
+    #[must_use]
+    pub fn drag_per_m(&self) -> f64 {
+        self.air_per_m() * DRAG_COEFFICIENT
+    }
+
     /// Gravity, drag and excess at this velocity.
     #[must_use]
     pub fn acceleration_m_s2(&self, velocity_m_s: &Vector3<f64>) -> Vector3<f64> {
-        let drag = -velocity_m_s * (velocity_m_s.norm() * self.ball.drag_per_m());
+        let drag = -velocity_m_s * (velocity_m_s.norm() * self.drag_per_m());
         if self.excess_per_m == [0.0; 3] {
             return self.gravity_m_s2 + drag;
         }
@@ -146,6 +170,7 @@ mod tests {
         let gravity_m_s2 = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
         Physics {
             ball: Ball::default(),
+            air_density_kg_m3: 1.2,
             gravity_m_s2,
             excess_per_m: [0.0; 3],
             unknown_m_s2: SPIN_SIGMA_M_S2,
@@ -179,7 +204,15 @@ mod tests {
     #[test]
     fn drag_is_that_of_the_cross_section() {
         // rho A / 2m = 0.0356 /m for a 66 mm ball of 57.7 g, times C_D.
-        assert!((Ball::default().drag_per_m() - 0.0356 * DRAG_COEFFICIENT).abs() < 2e-4);
+        assert!((physics().drag_per_m() - 0.0356 * DRAG_COEFFICIENT).abs() < 2e-4);
+    }
+
+    #[test]
+    fn the_tunnel_is_above_free_flight_and_lift_saturates() {
+        assert!((drag_of_thesis(1e9) - 0.55).abs() < 1e-3);
+        assert!((drag_of_thesis(1.0) - 0.82).abs() < 0.01);
+        assert!(drag_of_thesis(1e9) > DRAG_FREE_FLIGHT * 1.08);
+        assert_eq!(lift_of_thesis(0.0), 0.5);
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! way back is by iteration, checked by going forth again.
 
 use crate::Error;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Point3, Vector3};
 use shm_layout::MAX_SIDE_PX;
 
 /// A pixel as captured: distorted; (0,0) is the centre of the top-left pixel.
@@ -120,6 +120,31 @@ impl Lens {
         })
     }
 
+    /// The pixel of a point and its derivative by the point; None behind the camera.
+    #[must_use]
+    pub fn raw_and_slope(&self, point_in_camera: &Point3<f64>) -> Option<(RawPixel, Matrix2x3<f64>)> {
+        let raw = self.raw_from_point(point_in_camera)?;
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let (z, x, y) = (
+            point_in_camera.z,
+            point_in_camera.x / point_in_camera.z,
+            point_in_camera.y / point_in_camera.z,
+        );
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let by_r2 = k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3);
+        let mixed = 2.0 * (x * y * by_r2 + p1 * x + p2 * y);
+        let distorted = Matrix2::new(
+            radial + 2.0 * (x * x * by_r2 + p1 * y) + 6.0 * p2 * x,
+            mixed,
+            mixed,
+            radial + 2.0 * (y * y * by_r2 + p2 * x) + 6.0 * p1 * y,
+        );
+        let ideal = Matrix2x3::new(1.0, 0.0, -x, 0.0, 1.0, -y) / z;
+        let [fx, fy] = self.focal_px;
+        Some((raw, Matrix2::new(fx, 0.0, 0.0, fy) * distorted * ideal))
+    }
+
     /// The ray a pixel looks along, camera's frame, with z = 1. None where the distortion has no
     /// inverse: far outside of the image it was calibrated on.
     #[must_use]
@@ -167,6 +192,7 @@ impl Lens {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector2;
 
     fn lens(distortion: [f64; 5]) -> Lens {
         Lens::new("left", [640, 480], [1240.0, 1235.0], [319.5, 239.5], distortion).unwrap()
@@ -187,6 +213,25 @@ mod tests {
                     let error_px = (pixel.x_px - x_px).hypot(pixel.y_px - y_px);
                     assert!(error_px < 1e-5, "{distortion:?} at {x_px},{y_px}: {error_px} px");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn the_slope_is_that_of_differences() {
+        for distortion in DISTORTIONS {
+            let lens = lens(distortion);
+            let point = Point3::new(1.3, -0.8, 6.0);
+            let (_, slope) = lens.raw_and_slope(&point).unwrap();
+            for axis in 0..3 {
+                let moved = |step: f64| {
+                    let mut moved = point;
+                    moved[axis] += step;
+                    let RawPixel { x_px, y_px } = lens.raw_from_point(&moved).unwrap();
+                    Vector2::new(x_px, y_px)
+                };
+                let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+                assert!((difference - slope.column(axis)).norm() < 1e-4, "{axis}");
             }
         }
     }

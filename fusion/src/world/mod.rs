@@ -24,9 +24,12 @@
 //! **tracking**: the frame the pipeline works in: `court` if the rig says where the court is,
 //! otherwise `left`. Without a court nothing is known of gravity or the ground.
 
+pub mod air;
 pub mod ball;
 pub mod camera;
 pub mod court;
+pub mod rebound;
 pub mod rectification;
 pub mod rig;
 mod rig_toml;
+pub mod trajectory;

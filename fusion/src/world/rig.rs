@@ -9,9 +9,10 @@
 //! `[stereo]` alone follows Eq 7's (OpenCV's) form, `x_right = R x_left + T`, as the file must.
 
 use crate::Error;
+use crate::world::air;
 use crate::world::ball::{Ball, GRAVITY_M_S2, Physics, SPIN_SIGMA_M_S2};
 use crate::world::camera::{Lens, RawPixel};
-use nalgebra::{IsometryMatrix3, Matrix3, Point3, Rotation3, Translation3, Vector3};
+use nalgebra::{IsometryMatrix3, Matrix2x3, Matrix3, Point3, Rotation3, Translation3, Vector3};
 use shm_layout::Camera;
 
 /// One camera apart from where it stands.
@@ -191,6 +192,19 @@ impl Rig {
         self.eye(camera).lens.raw_from_point(&point_in_camera)
     }
 
+    /// The same with its derivative by the point.
+    #[must_use]
+    pub fn raw_and_slope(
+        &self,
+        camera: Camera,
+        point_in_tracking: &Point3<f64>,
+    ) -> Option<(RawPixel, Matrix2x3<f64>)> {
+        let camera_from_tracking = self.tracking_from(camera).inverse();
+        let point_in_camera = camera_from_tracking * point_in_tracking;
+        let (raw, slope) = self.eye(camera).lens.raw_and_slope(&point_in_camera)?;
+        Some((raw, slope * camera_from_tracking.rotation.matrix()))
+    }
+
     /// What bends a flight in the tracking frame; without a court no gravity is assumed.
     #[must_use]
     pub fn physics(&self) -> Physics {
@@ -198,7 +212,13 @@ impl Rig {
             Mounting::Court { .. } => (Vector3::new(0.0, 0.0, -GRAVITY_M_S2), SPIN_SIGMA_M_S2),
             Mounting::Stereo { .. } => (Vector3::zeros(), SPIN_SIGMA_M_S2 + GRAVITY_M_S2),
         };
-        Physics { ball: self.ball, gravity_m_s2, excess_per_m: [0.0; 3], unknown_m_s2 }
+        Physics {
+            ball: self.ball,
+            air_density_kg_m3: air::DENSITY_KG_M3,
+            gravity_m_s2,
+            excess_per_m: [0.0; 3],
+            unknown_m_s2,
+        }
     }
 }
 
