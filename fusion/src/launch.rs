@@ -1,25 +1,18 @@
-//! Arc of the first points -> launch: where, how fast and which way the ball left.
+//! Flight -> launch: where, how fast, which way and with what spin the ball left.
 //!
-//! The arc is read in its middle, where it is known best, and the ball flown back from there: to
-//! the launcher's plane if the rig has one, else to the first point seen. (Eq 26 itself, carried
-//! back 0.2 s further, is 0.14 m and 1.2 m/s off.) It flies with gravity, drag, and what the arc's
-//! own acceleration has beyond these, which is mostly lift: it grows with the speed squared and
-//! turns with the ball. (As a constant vector it is metres off for a lob first seen at its top.)
+//! The fitted flight itself, where it passes the launcher's plane if the rig has one, else at the
+//! first sighting. Every sigma is that of the unknowns through the derivative of the number.
 
-use crate::arc::Arc;
-use crate::motion::{azimuth_elevation_rad, seconds_between};
-use crate::world::ball::{Physics, State};
+use crate::flight::Flight;
+use crate::flight::model::Instant;
+use crate::motion::azimuth_elevation_rad;
 use crate::world::rig::Rig;
 use nalgebra::{Matrix3, Point3, Vector3};
 use shm_layout::StampNs;
 
 /// Longest a ball is flown back. A launcher is nearer; a bounced ball takes longer to go back to
 /// it.
-const FLY_BACK_MAX_S: f64 = 2.0;
-
-/// 1 sigma, each axis, of the acceleration a ball is flown back with: spin turns it in ways an arc
-/// of 0.4 s does not show. Without it elevations of 40 rendered shots scatter 1.5 of their sigmas.
-const MODEL_SIGMA_M_S2: f64 = 0.2;
+const FLY_BACK_MAX_S: f64 = 1.2;
 
 /// How a shot began.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,12 +21,16 @@ pub struct Launch {
     pub t_ns: StampNs,
     /// The ball's centre, tracking frame.
     pub position_m: Point3<f64>,
+    /// 1 sigma of its height.
+    pub height_sigma_m: f64,
     /// Tracking frame.
     pub velocity_m_s: Vector3<f64>,
     /// 1 sigma of the speed.
     pub speed_sigma_m_s: f64,
     /// Elevation and azimuth, and their sigmas; None without a court.
     pub direction: Option<Direction>,
+    /// How it turned; None where that was not fitted.
+    pub spin: Option<Spin>,
 }
 
 /// Where a launch points.
@@ -49,53 +46,54 @@ pub struct Direction {
     pub azimuth_sigma_rad: f64,
 }
 
-/// The arc in its middle, flown back; None if it does not pass the launcher. The covariance is that
-/// of the arc carried back itself, and of what the model leaves out.
-#[must_use]
-pub fn from_arc(arc: &Arc, first_ns: StampNs, rig: &Rig) -> Option<Launch> {
-    let middle = arc.state_at(arc.middle_ns());
-    let physics = rig.physics().explaining(&arc.acceleration_m_s2(), &middle.velocity_m_s);
-    let launcher = rig.launcher_in_court_m().filter(|_| rig.court_from_left().is_some());
-    let back_s = match launcher {
-        Some(launcher) => time_to_plane_s(middle, launcher.y, &physics)?,
-        None => seconds_between(arc.middle_ns(), first_ns),
-    };
-    let launched = physics.propagated(middle, back_s);
-    let State { position_m, velocity_m_s } = launched;
-    let t_ns = arc.middle_ns().saturating_add((back_s * 1e9).round() as StampNs);
-    let covariance = arc.covariance_at(t_ns).fixed_view::<3, 3>(3, 3)
-        + Matrix3::identity() * (MODEL_SIGMA_M_S2 * back_s).powi(2);
-    let sigma_along = |unit: Vector3<f64>| unit.dot(&(covariance * unit)).max(0.0).sqrt();
-    let speed_m_s = velocity_m_s.norm();
-    let direction = rig.court_from_left().map(|_| {
-        let [azimuth_rad, elevation_rad] = azimuth_elevation_rad(&velocity_m_s);
-        let (sin, cos) = azimuth_rad.sin_cos();
-        let (rise, level) = elevation_rad.sin_cos();
-        let upwards = Vector3::new(-rise * sin, -rise * cos, level);
-        Direction {
-            elevation_rad,
-            azimuth_rad,
-            elevation_sigma_rad: sigma_along(upwards) / speed_m_s,
-            azimuth_sigma_rad: sigma_along(Vector3::new(cos, -sin, 0.0)) / (speed_m_s * level),
-        }
-    });
-    let speed_sigma_m_s = sigma_along(velocity_m_s / speed_m_s);
-    Some(Launch { t_ns, position_m, velocity_m_s, speed_sigma_m_s, direction })
+/// How a ball turns about the level axis across its flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spin {
+    /// Backspin; topspin is negative.
+    pub backspin_rad_s: f64,
+    /// 1 sigma, with the scatter of lift from ball to ball.
+    pub sigma_rad_s: f64,
 }
 
-/// When a ball is in the plane y, by Newton; None if it does not go there.
-fn time_to_plane_s(state: State, y_m: f64, physics: &Physics) -> Option<f64> {
-    let mut time_s = 0.0;
-    for _ in 0..10 {
-        let there = physics.propagated(state, time_s);
-        let step_s = (y_m - there.position_m.y) / there.velocity_m_s.y;
-        time_s += step_s;
-        if time_s.is_nan() || time_s.abs() > FLY_BACK_MAX_S {
-            return None;
-        }
-        if step_s.abs() < 1e-9 {
-            return Some(time_s);
-        }
-    }
-    None
+/// The flight at its start; None if it does not come from the launcher's plane.
+#[must_use]
+pub fn from_flight(flight: &Flight, rig: &Rig) -> Option<Launch> {
+    let start = match rig.launcher_in_court_m() {
+        Some(launcher) => flight.passing(1, launcher.y, FLY_BACK_MAX_S)?,
+        None => flight.at(flight.sightings().first()?),
+    };
+    let covariance = flight.velocity_covariance(&start);
+    let [backspin_rad_s, sigma_rad_s] = flight.backspin_rad_s(&start);
+    let Instant { position_m, velocity_m_s, .. } = start;
+    let (speed_sigma_m_s, direction) = speed_and_direction(&velocity_m_s, &covariance);
+    Some(Launch {
+        t_ns: flight.t_ns(&start),
+        position_m,
+        height_sigma_m: flight.position_covariance_m2(&start)[(2, 2)].sqrt(),
+        velocity_m_s,
+        speed_sigma_m_s,
+        direction: Some(direction),
+        spin: Some(Spin { backspin_rad_s, sigma_rad_s }),
+    })
+}
+
+/// Sigma of the speed, and where a velocity points.
+#[must_use]
+pub fn speed_and_direction(
+    velocity_m_s: &Vector3<f64>,
+    covariance: &Matrix3<f64>,
+) -> (f64, Direction) {
+    let sigma_along = |unit: Vector3<f64>| unit.dot(&(covariance * unit)).max(0.0).sqrt();
+    let speed_m_s = velocity_m_s.norm();
+    let [azimuth_rad, elevation_rad] = azimuth_elevation_rad(velocity_m_s);
+    let (sin, cos) = azimuth_rad.sin_cos();
+    let (rise, level) = elevation_rad.sin_cos();
+    let upwards = Vector3::new(-rise * sin, -rise * cos, level);
+    let direction = Direction {
+        elevation_rad,
+        azimuth_rad,
+        elevation_sigma_rad: sigma_along(upwards) / speed_m_s,
+        azimuth_sigma_rad: sigma_along(Vector3::new(cos, -sin, 0.0)) / (speed_m_s * level),
+    };
+    (sigma_along(velocity_m_s / speed_m_s), direction)
 }

@@ -2,32 +2,38 @@
 //!
 //! Read in this order, which is that of the chain: [`world`] (what is known before play), then
 //! [`candidates`] (strips of a frame put together; [`intake`] keeps account of them,
-//! [`candidates_csv`] reads and writes files of them), [`rectified`], [`matched`], [`points`],
-//! [`motion`] and [`tracklets`], [`path`], [`arc`] and [`flight`], [`launch`] and [`shot`],
-//! [`decided`], and how they leave, [`shots_json`] and [`message`]. [`Fusion`] is all of it.
+//! [`candidates_csv`] reads and writes files of them), [`rectified`], [`merged`] (one stream in the
+//! order of time), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`], [`motion`]
+//! and [`tracklets`], [`path`], [`flight`], [`launch`] and [`shot`], [`decided`], and how they
+//! leave, [`shots_json`] and [`message`]. [`clock`] carries what shots say of the cameras' clocks;
+//! [`quadratic`] is the thesis' way to measure. [`Fusion`] is all of it.
 //!
-//! Deliberately absent: IO, a clock, and `Result` in the pipeline. What cannot be used is dropped
-//! and counted ([`Dropped`], [`Rejected`]). Every queue has a maximum, so a stream may run for
-//! weeks. No pixels: where candidates come from is not this room's concern. No physics in the
-//! measurement yet: flights are quadratics (thesis Eq 26) that know of drag.
+//! Deliberately absent: IO, a clock of its own, and `Result` in the pipeline. What cannot be used
+//! is dropped and counted ([`Dropped`], [`Rejected`]). Every queue has a maximum, so a stream may
+//! run for weeks, and the work of a frame does not depend on what came before. No pixels: where
+//! candidates come from is not this room's concern.
 #![forbid(unsafe_code)]
 
-pub mod arc;
 pub mod candidates;
 pub mod candidates_csv;
+pub mod clock;
 pub mod decided;
 mod error;
 pub mod flight;
+pub mod history;
 pub mod intake;
 pub mod launch;
 pub mod matched;
+pub mod merged;
 pub mod message;
 pub mod motion;
 pub mod path;
 pub mod points;
 #[cfg(test)]
 mod pretend;
+pub mod quadratic;
 pub mod rectified;
+pub mod seeds;
 pub mod shot;
 pub mod shots_json;
 pub mod tracklets;
@@ -38,10 +44,28 @@ pub use error::Error;
 pub use shot::{Outcome, Shot};
 pub use world::rig::Rig;
 
-use matched::{MatchedFrame, Pairing};
+use clock::Clock;
+use history::History;
+use matched::Period;
+use merged::Merge;
+use motion::World;
+use path::Terms;
+use rectified::RectifiedFrame;
 use shm_layout::{Camera, StampNs};
-use shot::Rejection;
+use shot::{ClockOffset, Rejection};
+use world::air;
+use world::ball::Physics;
 use world::rectification::Rectification;
+
+/// How a path is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Fit {
+    /// Maximum likelihood on raw pixels with drag, lift and bounce ([`flight`]).
+    #[default]
+    Physics,
+    /// The thesis' Eq 26 on triangulated points ([`quadratic`]).
+    Quadratic,
+}
 
 /// What may be tuned; the defaults suit the reference rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,13 +76,16 @@ pub struct Settings {
     pub row_gate_px: f64,
     /// Least Eq 21 similarity of a pair: 0.2 is a factor of 2.2 in all sizes.
     pub similarity_min: f64,
-    /// Frames of one camera that may wait for the other: 256 are 2.8 s at 90 Hz, far more than two
-    /// boards differ live. Two recordings are played independently and may differ by more.
+    /// Frames of one camera that may wait for the other. Live, 32 are 0.35 s at 90 Hz, more than
+    /// two boards differ; two recordings are played independently and may differ by more.
     pub n_waiting_frames: usize,
-    /// Instants in a window of tracklets (thesis: 30).
-    pub n_window_frames: usize,
-    /// Instants a window shares with the next (thesis: 5).
-    pub n_overlap_frames: usize,
+    /// How a path is measured.
+    pub fit: Fit,
+    /// See [`world::air`].
+    pub air_density_kg_m3: f64,
+    /// 1 sigma of the ground's height where a ball bounces: how flat the court is and how well the
+    /// rig knows it. A millimetre is 2 to 4 along the flight.
+    pub ground_sigma_m: f64,
 }
 
 impl Default for Settings {
@@ -67,9 +94,10 @@ impl Default for Settings {
             sigma_px: 0.3,
             row_gate_px: 2.5,
             similarity_min: 0.2,
-            n_waiting_frames: 256,
-            n_window_frames: 30,
-            n_overlap_frames: 5,
+            n_waiting_frames: 32,
+            fit: Fit::Physics,
+            air_density_kg_m3: air::DENSITY_KG_M3,
+            ground_sigma_m: 2e-4,
         }
     }
 }
@@ -79,21 +107,19 @@ impl Default for Settings {
 pub struct Dropped {
     /// Frames whose stamp is not after the one before, same camera.
     pub n_backward_frames: u64,
-    /// Left frames without a right frame in time, and right frames nobody waited for.
-    pub n_unpaired_frames: u64,
+    /// Frames that came when the other camera's later ones had been taken in.
+    pub n_late_frames: u64,
     /// Candidates that are not finite numbers.
     pub n_not_finite: u64,
     /// Candidates outside the image, or where the lens model has no inverse.
     pub n_outside_image: u64,
-    /// Pairs beyond [`matched::MAX_PAIRS`].
+    /// Pairs beyond [`matched::MAX_PAIRS`], of candidates, or [`seeds::MAX_PAIRS`], of points.
     pub n_pairs_beyond_max: u64,
     /// Points where no ball can be.
     pub n_points_outside_court: u64,
-    /// Points beyond [`tracklets::MAX_POINTS`].
+    /// Points beyond [`seeds::MAX_POINTS`].
     pub n_points_beyond_max: u64,
-    /// Windows with more seeds than [`tracklets::MAX_SEEDS`].
-    pub n_windows_beyond_max_seeds: u64,
-    /// Tracklets beyond [`tracklets::MAX_TRACKLETS`] or [`decided::MAX_WAITING_TRACKLETS`].
+    /// Tracklets beyond [`tracklets::MAX_TRACKLETS`].
     pub n_tracklets_beyond_max: u64,
 }
 
@@ -112,6 +138,8 @@ pub struct Rejected {
     pub n_on_ground: u64,
     /// [`Rejection::SameBall`].
     pub n_same_ball: u64,
+    /// [`Rejection::NoFlight`].
+    pub n_no_flight: u64,
 }
 
 impl Rejected {
@@ -123,6 +151,7 @@ impl Rejected {
             Rejection::NotFromLauncher => &mut self.n_not_from_launcher,
             Rejection::OnGround => &mut self.n_on_ground,
             Rejection::SameBall => &mut self.n_same_ball,
+            Rejection::NoFlight => &mut self.n_no_flight,
         } += 1;
     }
 }
@@ -141,12 +170,18 @@ struct Last {
 /// [`Settings::n_waiting_frames`] frames apart.
 pub struct Fusion {
     rig: Rig,
+    physics: Physics,
     rectification: Rectification,
     settings: Settings,
     last: [Option<Last>; 2],
-    pairing: Pairing,
-    windows: tracklets::Windows,
+    merge: Merge,
+    periods: [Period; 2],
+    history: History,
+    seeds: seeds::Seeds,
+    tracklets: tracklets::Tracklets,
     decider: decided::Decider,
+    clock: Clock,
+    now_ns: StampNs,
     dropped: Dropped,
 }
 
@@ -154,14 +189,21 @@ impl Fusion {
     /// Ready for the first frame.
     #[must_use]
     pub fn new(rig: Rig, settings: Settings) -> Self {
+        let air_density_kg_m3 = settings.air_density_kg_m3;
         Self {
             rectification: Rectification::from_rig(&rig),
+            physics: Physics { air_density_kg_m3, ..rig.physics() },
             rig,
             settings,
             last: [None, None],
-            pairing: Pairing::default(),
-            windows: tracklets::Windows::default(),
+            merge: Merge::default(),
+            periods: [Period::default(), Period::default()],
+            history: History::default(),
+            seeds: seeds::Seeds::default(),
+            tracklets: tracklets::Tracklets::default(),
             decider: decided::Decider::default(),
+            clock: Clock::default(),
+            now_ns: 0,
             dropped: Dropped::default(),
         }
     }
@@ -191,34 +233,67 @@ impl Fusion {
         let dropped = &mut self.dropped;
         let rectified =
             rectified::from_candidates(camera, frame, &self.rig, rectification, settings, dropped);
-        let matched = self.pairing.update(camera, rectified, rectification, settings, dropped);
-        shots.extend(matched.iter().flat_map(|frame| self.tracked(frame)));
+        let n_waiting = settings.n_waiting_frames;
+        for frame in self.merge.update(rectified, n_waiting, &mut self.dropped) {
+            shots.extend(self.tracked(frame));
+        }
         shots
     }
 
     /// The recording is over: decides what is left, and is ready for another one.
     pub fn finish(&mut self) -> Vec<Shot> {
-        let dropped = &mut self.dropped;
-        let matched = self.pairing.finish(&self.rectification, &self.settings, dropped);
-        let mut shots: Vec<Shot> = matched.iter().flat_map(|frame| self.tracked(frame)).collect();
-        let tracklets = self.windows.finish(&self.rig.physics(), &mut self.dropped);
-        shots.extend(self.decider.finish(tracklets.unwrap_or_default(), &self.rig));
+        let mut shots = Vec::new();
+        for frame in self.merge.finish() {
+            shots.extend(self.tracked(frame));
+        }
+        shots.extend(self.decided(None));
         self.last = [None, None];
+        self.periods = [Period::default(), Period::default()];
+        self.history = History::default();
+        self.seeds = seeds::Seeds::default();
+        self.clock = Clock::default();
         shots
     }
 
-    /// From a matched frame on.
-    fn tracked(&mut self, matched: &MatchedFrame) -> Vec<Shot> {
-        let (rig, settings, dropped) = (&self.rig, &self.settings, &mut self.dropped);
-        let is_court_known = rig.court_from_left().is_some();
-        let rectification = &self.rectification;
-        let points =
-            points::from_matched(matched, rectification, settings, is_court_known, dropped);
-        let now_ns = points.t_ns;
-        match self.windows.update(points, &rig.physics(), settings, dropped) {
-            Some(tracklets) => self.decider.update(tracklets, now_ns, rig, dropped),
-            None => Vec::new(),
+    /// From a rectified frame on, in the order of time.
+    fn tracked(&mut self, frame: RectifiedFrame) -> Vec<Shot> {
+        let RectifiedFrame { camera, t_ns, .. } = frame;
+        self.now_ns = t_ns;
+        self.periods[camera.idx()].update(t_ns);
+        self.history.push(frame);
+        let world = World {
+            rig: &self.rig,
+            physics: &self.physics,
+            clock_s: self.clock.offset_s(t_ns),
+        };
+        let (history, dropped) = (&mut self.history, &mut self.dropped);
+        self.tracklets.update(camera, history, &world);
+        let [left, right] = Camera::BOTH.map(|camera| history.newest(camera));
+        if let (Some(left), Some(right)) = (left, right)
+            && matched::is_same_instant(left, right, self.periods[0].ns().max(self.periods[1].ns()))
+        {
+            let rectification = &self.rectification;
+            let pairs =
+                matched::from_frames(left, right, rectification, &world, &self.settings, dropped);
+            let points = points::from_matched(&pairs, t_ns, rectification, &world, dropped);
+            let seeds = self.seeds.update(points, history, &world, dropped);
+            self.tracklets.sow(&seeds, history, &world, dropped);
         }
+        self.decided(Some(t_ns))
+    }
+
+    fn decided(&mut self, now_ns: Option<StampNs>) -> Vec<Shot> {
+        let clock_s = self.clock.offset_s(self.now_ns);
+        let world = World { rig: &self.rig, physics: &self.physics, clock_s };
+        let terms = Terms { world, ground_sigma_m: self.settings.ground_sigma_m };
+        self.decider.update(
+            &mut self.tracklets,
+            now_ns,
+            &self.history,
+            &terms,
+            (&self.rectification, self.settings.fit),
+            &mut self.clock,
+        )
     }
 
     /// What was left out so far.
@@ -231,6 +306,13 @@ impl Fusion {
     #[must_use]
     pub fn rejected(&self) -> Rejected {
         self.decider.rejected()
+    }
+
+    /// How far the right camera's clock is ahead now; None before a shot has told.
+    #[must_use]
+    pub fn clock(&self) -> Option<ClockOffset> {
+        let [right_minus_left_s, sigma_s] = self.clock.offset_s(self.now_ns);
+        self.clock.is_known().then_some(ClockOffset { right_minus_left_s, sigma_s })
     }
 }
 

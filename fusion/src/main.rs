@@ -4,7 +4,11 @@ use anyhow::{Context as _, bail, ensure};
 use clap::Parser;
 use fusion::candidates_csv::CsvWriter;
 use fusion::intake::{FrameCounts, Intake};
-use fusion::{FrameCandidates, Fusion, Rig, Settings, Shot, candidates_csv, message, shots_json};
+use fusion::shot::ClockOffset;
+use fusion::world::air;
+use fusion::{
+    Fit, FrameCandidates, Fusion, Rig, Settings, Shot, candidates_csv, message, shots_json,
+};
 use shm_layout::ports::MessageWriter;
 use shm_layout::services::{Domain, Place};
 use shm_layout::stop::Stop;
@@ -52,9 +56,27 @@ struct Flags {
     /// Where every frame's candidates go, as left.csv and right.csv.
     #[arg(long, value_name = "DIR")]
     candidates: Option<PathBuf>,
+    /// How shots are measured.
+    #[arg(long, value_enum, default_value = "physics")]
+    fit: FitFlag,
+    /// Temperature of the air, for its density.
+    #[arg(long, value_name = "C", default_value_t = 20.0, allow_hyphen_values = true)]
+    temperature_c: f64,
+    /// Height of the court above the sea, for the density of the air.
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
+    altitude_m: f64,
     /// End when the process that started this one has ended.
     #[arg(long)]
     with_parent: bool,
+}
+
+/// [`Fit`] on the command line.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum FitFlag {
+    /// Drag, lift and bounce fitted to raw pixels.
+    Physics,
+    /// The thesis' quadratics through triangulated points.
+    Quadratic,
 }
 
 fn main() -> ExitCode {
@@ -78,7 +100,24 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         eprintln!("fusion: one camera: no shot can be measured, only candidates are written");
     }
     let outputs = Outputs::open(flags)?;
-    let mut settings = Settings::default();
+    ensure!(
+        (-50.0..=60.0).contains(&flags.temperature_c),
+        "--temperature-c is {}, expected -50 to 60",
+        flags.temperature_c
+    );
+    ensure!(
+        (-500.0..=6000.0).contains(&flags.altitude_m),
+        "--altitude-m is {}, expected -500 to 6000",
+        flags.altitude_m
+    );
+    let mut settings = Settings {
+        fit: match flags.fit {
+            FitFlag::Physics => Fit::Physics,
+            FitFlag::Quadratic => Fit::Quadratic,
+        },
+        air_density_kg_m3: air::density_kg_m3(flags.temperature_c, flags.altitude_m),
+        ..Settings::default()
+    };
     if !flags.recorded.is_empty() {
         settings.n_waiting_frames = N_WAITING_RECORDED;
     }
@@ -112,7 +151,10 @@ impl Table {
 
     fn finish(mut self, frames: [Option<FrameCounts>; 2]) -> anyhow::Result<()> {
         if let Some(fusion) = &mut self.fusion {
+            self.outputs.clock = fusion.clock();
             let shots = fusion.finish();
+            let told = shots.last().and_then(|shot| shot.clock);
+            self.outputs.clock = told.or(self.outputs.clock);
             self.outputs.write_shots(shots)?;
             let (dropped, rejected) = (fusion.dropped(), fusion.rejected());
             tracing::info!(?dropped, ?rejected, "fusion ends");
@@ -228,6 +270,7 @@ struct Outputs {
     is_live: bool,
     shots: Vec<Shot>,
     n_shots: u64,
+    clock: Option<ClockOffset>,
     shots_out: Option<MessageWriter<shm_layout::Shot>>,
     candidates: [Option<CsvWriter<BufWriter<File>>>; 2],
 }
@@ -253,6 +296,7 @@ impl Outputs {
             is_live: flags.json.is_none() && flags.candidates.is_none(),
             shots: Vec::new(),
             n_shots: 0,
+            clock: None,
             shots_out: None,
             candidates,
         })
@@ -290,7 +334,7 @@ impl Outputs {
             writer.finish()?;
         }
         let Some(path) = &self.json else { return Ok(()) };
-        let text = shots_json::text_from(&self.shots, frames);
+        let text = shots_json::text_from(&self.shots, frames, self.clock);
         if path.as_os_str() == "-" {
             writeln!(std::io::stdout(), "{text}").context("stdout")
         } else {

@@ -1,7 +1,7 @@
 //! Rectified left + right -> pairs that may show the same thing.
 //!
-//! Frames are never paired by index: each left frame meets the right frame nearest in time, within
-//! half a frame period. The side that is ahead waits, up to [`Settings::n_waiting_frames`].
+//! Frames are never paired by index: each frame meets the other camera's frame nearest in time,
+//! within half a frame period, once that one is there. What a tracklet has claimed is left out.
 //!
 //! Candidates pair if their rows agree, the disparity is that of a possible depth, and their sizes
 //! are alike by the thesis' Eq 21, `S = 3 / (s_r² + h_r² + w_r²)`, each ratio the larger over the
@@ -12,9 +12,14 @@
 //! the winner was not exclusive either way. Here the row decides, to a few pixels; Eq 21 only
 //! refuses what is grossly different; *all* pairs that pass are kept, many to many and best first,
 //! and the tracker, which knows how a ball moves, has the last word. The row gate widens with the
-//! time between the exposures (the ball falls meanwhile) and with the spot's size.
+//! time between the exposures (the ball falls meanwhile), with how little is known of the clocks,
+//! and with the spot's size.
+//!
+//! **Cost**: both sides sorted by row, one sweep with two pointers: linear in candidates and pairs.
 
-use crate::rectified::{Rectified, RectifiedFrame};
+use crate::history::{Kept, SpotId};
+use crate::motion::{World, seconds_between};
+use crate::rectified::Rectified;
 use crate::world::rectification::Rectification;
 use crate::{Dropped, Settings};
 use shm_layout::{Camera, StampNs};
@@ -49,38 +54,32 @@ pub struct Matched {
     pub left: Rectified,
     /// From the right camera.
     pub right: Rectified,
+    /// Which spots they are.
+    pub ids: [SpotId; 2],
 }
 
-/// All pairs of one left frame and the right frame nearest in time.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MatchedFrame {
-    /// Mean of the two frames' stamps; the left one's where there is no right frame.
-    pub t_ns: StampNs,
-    /// The pairs, best first; none if the right frame is missing.
-    pub pairs: Vec<Matched>,
-}
-
+/// How far apart in time the cameras' frames are, learned from their stamps.
 #[derive(Default)]
-struct Side {
-    waiting: VecDeque<RectifiedFrame>,
+pub struct Period {
     last_ns: Option<StampNs>,
     differences_ns: VecDeque<StampNs>,
 }
 
-impl Side {
-    fn push(&mut self, frame: RectifiedFrame) {
+impl Period {
+    /// Takes the stamp of a frame in.
+    pub fn update(&mut self, t_ns: StampNs) {
         if let Some(last_ns) = self.last_ns {
-            self.differences_ns.push_back(frame.t_ns.saturating_sub(last_ns));
+            self.differences_ns.push_back(t_ns.saturating_sub(last_ns));
             if self.differences_ns.len() > N_PERIOD_DIFFERENCES {
                 self.differences_ns.pop_front();
             }
         }
-        self.last_ns = Some(frame.t_ns);
-        self.waiting.push_back(frame);
+        self.last_ns = Some(t_ns);
     }
 
     /// Lower quartile of the differences: frames are lost more often than they are early.
-    fn period_ns(&self) -> StampNs {
+    #[must_use]
+    pub fn ns(&self) -> StampNs {
         let mut sorted: Vec<StampNs> = self.differences_ns.iter().copied().collect();
         sorted.sort_unstable();
         match sorted.get(sorted.len() / 4) {
@@ -90,107 +89,55 @@ impl Side {
     }
 }
 
-/// Brings the two cameras together in time.
-#[derive(Default)]
-pub struct Pairing {
-    sides: [Side; 2],
+/// Whether two frames of different cameras are near enough in time to be matched, given the longer
+/// of both periods.
+#[must_use]
+pub fn is_same_instant(a: &Kept, b: &Kept, period_ns: StampNs) -> bool {
+    a.t_ns.abs_diff(b.t_ns) as f64 <= period_ns as f64 * PAIRING_PERIODS
 }
 
-impl Pairing {
-    /// Takes a frame in; gives out the left frames whose nearest right frame is now known.
-    pub fn update(
-        &mut self,
-        camera: Camera,
-        frame: RectifiedFrame,
-        rectification: &Rectification,
-        settings: &Settings,
-        dropped: &mut Dropped,
-    ) -> Vec<MatchedFrame> {
-        self.sides[camera.idx()].push(frame);
-        let mut matched = Vec::new();
-        loop {
-            let [left, right] = &self.sides;
-            let Some(first) = left.waiting.front() else { break };
-            let is_known = right.waiting.back().is_some_and(|last| last.t_ns >= first.t_ns);
-            if !is_known && left.waiting.len() <= settings.n_waiting_frames {
-                break;
-            }
-            matched.extend(self.next_left(rectification, settings, dropped));
-        }
-        let right = &mut self.sides[Camera::Right.idx()].waiting;
-        while right.len() > settings.n_waiting_frames {
-            right.pop_front();
-            dropped.n_unpaired_frames += 1;
-        }
-        matched
-    }
-
-    /// No more frames will come: gives out the left frames that still wait.
-    pub fn finish(
-        &mut self,
-        rectification: &Rectification,
-        settings: &Settings,
-        dropped: &mut Dropped,
-    ) -> Vec<MatchedFrame> {
-        let matched =
-            std::iter::from_fn(|| self.next_left(rectification, settings, dropped)).collect();
-        self.sides = [Side::default(), Side::default()];
-        matched
-    }
-
-    /// The first left frame that waits, with the nearest right frame there is.
-    fn next_left(
-        &mut self,
-        rectification: &Rectification,
-        settings: &Settings,
-        dropped: &mut Dropped,
-    ) -> Option<MatchedFrame> {
-        let period_ns = self.sides.iter().map(Side::period_ns).max().unwrap_or_default();
-        let [left_side, right_side] = &mut self.sides;
-        let left = left_side.waiting.pop_front()?;
-        let distance_ns = |right: &RectifiedFrame| right.t_ns.abs_diff(left.t_ns);
-        // Left stamps increase, so a right frame farther than the next one is of no more use.
-        while let [first, second] = [right_side.waiting.front(), right_side.waiting.get(1)]
-            && let (Some(first), Some(second)) = (first, second)
-            && distance_ns(second) <= distance_ns(first)
-        {
-            right_side.waiting.pop_front();
-        }
-        let nearest = right_side.waiting.front();
-        let limit_ns = period_ns as f64 * PAIRING_PERIODS;
-        let Some(right) = nearest.filter(|right| distance_ns(right) as f64 <= limit_ns) else {
-            dropped.n_unpaired_frames += 1;
-            return Some(MatchedFrame { t_ns: left.t_ns, pairs: Vec::new() });
-        };
-        let t_ns = left.t_ns.midpoint(right.t_ns);
-        let pairs = from_rectified(&left, right, rectification, settings, dropped);
-        Some(MatchedFrame { t_ns, pairs })
-    }
-}
-
-/// All pairs of two frames that pass, best first.
-fn from_rectified(
-    left: &RectifiedFrame,
-    right: &RectifiedFrame,
+/// All pairs of free spots of two frames that pass, best first.
+pub fn from_frames(
+    left: &Kept,
+    right: &Kept,
     rectification: &Rectification,
+    world: &World,
     settings: &Settings,
     dropped: &mut Dropped,
 ) -> Vec<Matched> {
+    let free = |kept: &Kept| {
+        let mut spots: Vec<(usize, Rectified)> =
+            kept.spots.iter().copied().enumerate().filter(|(i, _)| !kept.is_claimed(*i)).collect();
+        spots.sort_by(|a, b| a.1.pixel.y_px.total_cmp(&b.1.pixel.y_px));
+        spots
+    };
+    let (lefts, rights) = (free(left), free(right));
     let depth_px_m = rectification.focal_px * rectification.baseline_m;
+    let height_max_px = lefts.iter().chain(&rights).map(|(_, s)| height_px(s)).fold(0.0, f64::max);
+    let apart_s = apart_s(left, right, world);
+    let reach_px = row_gate_px(apart_s, height_max_px, settings);
     let mut ranked = Vec::new();
-    for l in &left.spots {
-        for r in &right.spots {
+    let mut first = 0;
+    for (l_idx, l) in &lefts {
+        while rights.get(first).is_some_and(|(_, r)| r.pixel.y_px < l.pixel.y_px - reach_px) {
+            first += 1;
+        }
+        for (r_idx, r) in &rights[first..] {
+            let row_px = r.pixel.y_px - l.pixel.y_px;
+            if row_px > reach_px {
+                break;
+            }
             let disparity_px = l.pixel.x_px - r.pixel.x_px;
-            let row_px = (l.pixel.y_px - r.pixel.y_px).abs();
-            let gate_px = row_gate_px(l, r, settings);
+            let gate_px = row_gate_px(apart_s, height_px(l).max(height_px(r)), settings);
             let similarity = similarity(l, r);
             if disparity_px > 0.0
                 && DEPTH_RANGE_M.contains(&(depth_px_m / disparity_px))
-                && row_px <= gate_px
+                && row_px.abs() <= gate_px
                 && similarity >= settings.similarity_min
             {
                 let cost = (row_px / gate_px).powi(2) + 1.0 - similarity;
-                ranked.push((cost, Matched { left: *l, right: *r }));
+                let ids = [left.id(*l_idx), right.id(*r_idx)];
+                ranked.push((cost, Matched { left: *l, right: *r, ids }));
             }
         }
     }
@@ -200,13 +147,19 @@ fn from_rectified(
     ranked.into_iter().map(|(_, pair)| pair).collect()
 }
 
-fn row_gate_px(left: &Rectified, right: &Rectified, settings: &Settings) -> f64 {
-    let apart_s = left.sighting.t_ns.abs_diff(right.sighting.t_ns) as f64 * 1e-9;
-    let height_px = match (left.size, right.size) {
-        (Some([_, left_px, _]), Some([_, right_px, _])) => left_px.max(right_px),
-        _ => 0.0,
-    };
+/// How far apart in time the two exposures may be, for all that is known of the clocks. The rows'
+/// own times under a rolling shutter are alike, as the rows are.
+fn apart_s(left: &Kept, right: &Kept, world: &World) -> f64 {
+    let right_ns = world.left_ns(Camera::Right, right.t_ns);
+    seconds_between(left.t_ns, right_ns).abs() + 2.0 * world.clock_s[1]
+}
+
+fn row_gate_px(apart_s: f64, height_px: f64, settings: &Settings) -> f64 {
     settings.row_gate_px + ROW_RATE_PX_S * apart_s + ROW_PER_HEIGHT * height_px
+}
+
+fn height_px(spot: &Rectified) -> f64 {
+    spot.size.map_or(0.0, |[_, height_px, _]| height_px)
 }
 
 /// Eq 21; 1 where a size is not known, so that it decides nothing.
@@ -219,116 +172,95 @@ fn similarity(left: &Rectified, right: &Rectified) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::history::History;
     use crate::pretend;
-    use crate::rectified::Sighting;
+    use crate::rectified::{RectifiedFrame, Sighting};
     use crate::world::camera::{RawPixel, RectifiedPixel};
+    use nalgebra::Matrix2;
 
-    fn spot(t_ns: StampNs, x_px: f64, y_px: f64, size: Option<[f64; 3]>) -> Rectified {
-        Rectified {
-            sighting: Sighting { t_ns, raw: RawPixel { x_px, y_px } },
-            pixel: RectifiedPixel { x_px, y_px },
-            sigma_px: 0.3,
-            size,
-        }
+    fn spot(camera: Camera, x_px: f64, y_px: f64, size: Option<[f64; 3]>) -> Rectified {
+        let covariance_px2 = Matrix2::identity() * 0.09;
+        let raw = RawPixel { x_px, y_px };
+        let sighting = Sighting { camera, t_ns: 0, raw, covariance_px2 };
+        Rectified { sighting, pixel: RectifiedPixel { x_px, y_px }, size }
     }
 
-    fn frame(t_ns: StampNs, x_px: f64) -> RectifiedFrame {
-        RectifiedFrame { t_ns, spots: vec![spot(t_ns, x_px, 200.0, None)] }
+    /// Right columns of the pairs found; clocks known to this sigma.
+    fn columns(lefts: Vec<Rectified>, rights: Vec<Rectified>, clock_sigma_s: f64) -> Vec<f64> {
+        let rig = pretend::reference_rig();
+        let rectification = Rectification::from_rig(&rig);
+        let physics = rig.physics();
+        let world = World { rig: &rig, physics: &physics, clock_s: [0.0, clock_sigma_s] };
+        let mut history = History::default();
+        history.push(RectifiedFrame { camera: Camera::Left, t_ns: 0, spots: lefts });
+        history.push(RectifiedFrame { camera: Camera::Right, t_ns: 0, spots: rights });
+        let [left, right] = Camera::BOTH.map(|camera| history.newest(camera).unwrap());
+        let (settings, mut dropped) = (Settings::default(), Dropped::default());
+        from_frames(left, right, &rectification, &world, &settings, &mut dropped)
+            .iter()
+            .map(|pair| pair.right.pixel.x_px)
+            .collect()
     }
 
-    /// Runs two streams of stamps through; returns (time, whether paired) of each left frame.
-    fn paired(left_ns: &[StampNs], right_ns: &[StampNs]) -> (Vec<(StampNs, bool)>, Dropped) {
-        let rectification = Rectification::from_rig(&pretend::reference_rig());
-        let settings = Settings::default();
-        let (mut pairing, mut dropped) = (Pairing::default(), Dropped::default());
-        let mut events: Vec<(StampNs, Camera)> =
-            left_ns.iter().map(|&t| (t, Camera::Left)).collect();
-        events.extend(right_ns.iter().map(|&t| (t, Camera::Right)));
-        events.sort();
-        let mut all = Vec::new();
-        for (t_ns, camera) in events {
-            let x_px = if camera == Camera::Left { 420.0 } else { 220.0 };
-            let frame = frame(t_ns, x_px);
-            all.extend(pairing.update(camera, frame, &rectification, &settings, &mut dropped));
-        }
-        all.extend(pairing.finish(&rectification, &settings, &mut dropped));
-        (all.iter().map(|m| (m.t_ns, !m.pairs.is_empty())).collect(), dropped)
-    }
-
-    fn stamps(n: i64, period_ns: i64, offset_ns: i64) -> Vec<StampNs> {
-        (0..n).map(|i| i * period_ns + offset_ns).collect()
-    }
-
-    #[test]
-    fn frames_pair_by_time_whatever_offset_and_rate() {
-        for (left, right) in [
-            (stamps(50, 11_111_111, 0), stamps(50, 11_111_111, 0)),
-            (stamps(50, 11_111_111, 0), stamps(50, 11_111_111, 5_500_000)),
-            (stamps(50, 11_111_111, 5_500_000), stamps(50, 11_111_111, 0)),
-            (stamps(90, 11_111_111, 0), stamps(60, 16_666_667, 3_000_000)),
-            (stamps(60, 16_666_667, 0), stamps(90, 11_111_111, 3_000_000)),
-        ] {
-            let (matched, _) = paired(&left, &right);
-            assert_eq!(matched.len(), left.len());
-            let n_paired = matched.iter().filter(|(_, is_paired)| *is_paired).count();
-            // Until their rates are known, cameras of different rates may miss each other.
-            assert!(n_paired + 4 >= left.len(), "{n_paired} of {}", left.len());
-        }
-    }
-
-    #[test]
-    fn a_lost_right_frame_leaves_one_left_frame_alone() {
-        let left = stamps(60, 11_111_111, 0);
-        let mut right = stamps(60, 11_111_111, 1_000_000);
-        right.remove(40);
-        let (matched, dropped) = paired(&left, &right);
-        let alone: Vec<usize> =
-            matched.iter().enumerate().filter(|(_, m)| !m.1).map(|(i, _)| i).collect();
-        assert_eq!(alone, [40]);
-        assert_eq!(dropped.n_unpaired_frames, 1);
-    }
-
-    #[test]
-    fn a_silent_camera_fills_no_memory_and_time_goes_on() {
-        for silent in Camera::BOTH {
-            let stream = stamps(1000, 11_111_111, 0);
-            let (left, right) =
-                if silent == Camera::Right { (stream, vec![]) } else { (vec![], stream) };
-            let (matched, dropped) = paired(&left, &right);
-            assert_eq!(matched.len(), left.len());
-            let n_max = Settings::default().n_waiting_frames;
-            let n_waiting_at_end = if silent == Camera::Left { n_max } else { 0 };
-            assert_eq!(dropped.n_unpaired_frames as usize, 1000 - n_waiting_at_end);
-        }
+    fn rights() -> Vec<Rectified> {
+        let ball = Some([4.0, 4.0, 12.0]);
+        vec![
+            spot(Camera::Right, 520.0, 200.0, ball),
+            spot(Camera::Right, 410.0, 200.0, ball),
+            spot(Camera::Right, 220.0, 200.0, Some([20.0, 20.0, 300.0])),
+            spot(Camera::Right, 219.0, 200.5, ball),
+            spot(Camera::Right, 220.0, 202.0, ball),
+            spot(Camera::Right, 221.0, 208.0, ball),
+        ]
     }
 
     #[test]
     fn row_disparity_and_size_decide_and_all_that_pass_are_kept() {
-        let rectification = Rectification::from_rig(&pretend::reference_rig());
         let ball = Some([4.0, 4.0, 12.0]);
-        let rights = vec![
-            spot(0, 220.0, 202.0, ball),
-            spot(0, 219.0, 200.5, ball),
-            spot(0, 220.0, 206.0, ball),
-            spot(0, 520.0, 200.0, ball),
-            spot(0, 410.0, 200.0, ball),
-            spot(0, 220.0, 200.0, Some([20.0, 20.0, 300.0])),
-        ];
-        let left = RectifiedFrame { t_ns: 0, spots: vec![spot(0, 420.0, 200.0, ball)] };
-        let right = RectifiedFrame { t_ns: 0, spots: rights };
-        let settings = Settings::default();
-        let mut dropped = Dropped::default();
-        let pairs = from_rectified(&left, &right, &rectification, &settings, &mut dropped);
-        let columns: Vec<f64> = pairs.iter().map(|pair| pair.right.pixel.x_px).collect();
-        assert_eq!(columns, [219.0, 220.0], "best row first");
+        let left = vec![spot(Camera::Left, 420.0, 200.0, ball)];
+        assert_eq!(columns(left.clone(), rights(), 1e-4), [219.0, 220.0], "best row first");
+        assert_eq!(columns(left, rights(), 5e-3), [219.0, 220.0, 221.0], "clocks unknown");
+    }
+
+    #[test]
+    fn the_sweep_finds_what_comparing_all_with_all_finds() {
+        let ball = Some([4.0, 4.0, 12.0]);
+        let place = |i: usize| ((i * 7919) % 640) as f64;
+        let row = |i: usize| ((i * 104_729) % 97) as f64 * 2.3;
+        let lefts: Vec<Rectified> =
+            (0..40).map(|i| spot(Camera::Left, place(i), row(i), ball)).collect();
+        let rights: Vec<Rectified> =
+            (40..80).map(|i| spot(Camera::Right, place(i), row(i), ball)).collect();
+        let mut all: Vec<f64> = Vec::new();
+        let gate_px = row_gate_px(2e-4, 4.0, &Settings::default());
+        for l in &lefts {
+            for r in &rights {
+                let disparity_px = l.pixel.x_px - r.pixel.x_px;
+                let is_row = (l.pixel.y_px - r.pixel.y_px).abs() <= gate_px;
+                let is_depth = disparity_px > 0.0 && DEPTH_RANGE_M.contains(&(4960.0 / disparity_px));
+                all.extend((is_row && is_depth).then_some(r.pixel.x_px));
+            }
+        }
+        let mut found = columns(lefts, rights, 1e-4);
+        found.sort_by(f64::total_cmp);
+        all.sort_by(f64::total_cmp);
+        assert!(all.len() > 5);
+        assert_eq!(found, all);
     }
 
     #[test]
     fn similarity_is_one_for_equals_and_symmetric() {
-        let a = spot(0, 0.0, 0.0, Some([4.0, 5.0, 14.0]));
-        let b = spot(0, 0.0, 0.0, Some([8.0, 5.0, 28.0]));
+        let a = spot(Camera::Left, 0.0, 0.0, Some([4.0, 5.0, 14.0]));
+        let b = spot(Camera::Left, 0.0, 0.0, Some([8.0, 5.0, 28.0]));
         assert_eq!(similarity(&a, &a), 1.0);
         assert_eq!(similarity(&a, &b), 3.0 / 9.0);
         assert_eq!(similarity(&a, &b), similarity(&b, &a));
+    }
+
+    #[test]
+    fn a_lost_frame_does_not_double_the_period() {
+        let mut period = Period::default();
+        (0..40).filter(|i| i % 5 != 2).for_each(|i| period.update(i * 100));
+        assert_eq!(period.ns(), 100);
     }
 }

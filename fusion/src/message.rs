@@ -19,10 +19,12 @@ pub fn from_shot(shot: &Shot, shot_idx: u64) -> shm_layout::Shot {
         launch_speed_m_s: launch.map_or(f64::NAN, |launch| launch.velocity_m_s.norm()),
         launch_elevation_rad: angle(direction.map(|d| d.elevation_rad)),
         launch_azimuth_rad: angle(direction.map(|d| d.azimuth_rad)),
+        launch_backspin_rad_s: angle(launch.and_then(|l| l.spin).map(|s| s.backspin_rad_s)),
         launch_sigma: [
             launch.map_or(f64::NAN, |launch| launch.speed_sigma_m_s),
             angle(direction.map(|d| d.elevation_sigma_rad)),
             angle(direction.map(|d| d.azimuth_sigma_rad)),
+            angle(launch.and_then(|l| l.spin).map(|s| s.sigma_rad_s)),
         ],
         bounce_ns: bounce.map_or(0, |bounce| bounce.t_ns),
         bounce_in_court_m: bounce.map_or(unseen, |bounce| bounce.position_m.coords.into()),
@@ -45,6 +47,7 @@ mod tests {
             net: None,
             track: Vec::new(),
             residual_px: [None, None],
+            clock: None,
         };
         let message = from_shot(&shot, 3);
         assert_eq!((message.shot_idx, message.is_measured), (3, 0));

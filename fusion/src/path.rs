@@ -1,195 +1,302 @@
-//! Tracklets -> path: the longest believable chain of tracklets.
+//! Tracklet -> path: every sighting of one ball, from its first to some after its bounce.
 //!
-//! Tracklets are the nodes of a directed graph, sorted by their first time (the thesis found them
-//! "already sorted" and linked only neighbours in the list; here every pair within reach is tried).
-//! An edge leads from a to b if
-//! - **overlap**: b's head holds tokens of a's tail (windows overlap), or
-//! - **extrapolation**: a carried on and b carried back meet between a's end and b's start, within
-//!   a margin that grows with the gap. Through a bounce this holds too: the falling and the rising
-//!   parabola meet near the ground.
+//! The thesis chains tracklets through a graph (8.2). Here the flight itself does: it is fitted to
+//! the tracklet's tokens ([`crate::flight`]), and every frame of [`History`] is asked, at its own
+//! time and row, for the spot nearest to where that flight was. What lies within the gate joins,
+//! the flight is fitted again, and so on outwards, each way, until nothing new comes. So a ball that
+//! was hidden, that only one camera saw, or whose tracklet began late is one path, and a token that
+//! was none is left out.
 //!
-//! A path scores the sum of its tokens, tokens shared counted once, less `GAP_PENALTY_PER_S`.
-//! The longest path to every node follows from those before it: O(nodes + edges).
+//! The gate is [`GATE_SIGMAS`] of the spot's noise and the fit's own doubt together; where that
+//! doubt is more than [`DOUBT_MAX_PX`] nothing joins yet.
 
-use crate::motion::seconds_between;
-use crate::points::Point;
-use crate::tracklets::{Token, Tracklet};
-use crate::world::ball::Physics;
+use crate::flight::fit::{self, Fitted, LAUNCHER_SIGMA_M, Scene};
+use crate::flight::unknowns::{Known, Prior, Unknowns};
+use crate::history::{History, Kept};
+use crate::motion::{World, later_ns, seconds_between};
+use crate::rectified::Sighting;
+use crate::tracklets::Tracklet;
+use crate::world::ball::DRAG_COEFFICIENT;
+use crate::world::rebound::{self, HARD_COURT};
+use crate::world::trajectory::{Aloft, Breeze};
+use nalgebra::{Matrix3, Point3, SMatrix, Vector2, Vector3};
+use shm_layout::{Camera, StampNs};
 
-/// Longest gap an extrapolation bridges: 36 frames at 90 Hz, 8 m of flight.
-const GAP_MAX_S: f64 = 0.4;
+/// Fewest tokens before the bounce a flight can be fitted to.
+const N_TOKENS_MIN: usize = 6;
 
-/// How far two tracklets' ends may reach into each other without sharing a token: one of them took
-/// up a false point there.
-const REACH_BACK_S: f64 = 0.05;
+/// Gate of a sighting.
+const GATE_SIGMAS: f64 = 4.0;
 
-/// Distance at which carried-on tracklets meet: noise of the ends, spin.
-const MEETING_MARGIN_M: f64 = 0.15;
+/// Where the fit itself is more doubtful than this, every spot would fit.
+const DOUBT_MAX_PX: f64 = 8.0;
 
-/// How the margin grows: velocity at the end of a tracklet is known to 0.5-1.5 m/s.
-const MEETING_MARGIN_M_S: f64 = 2.0;
+/// How far a path grows outwards in one round, and rounds at most.
+const GROWTH_S: f64 = 0.25;
+const N_ROUNDS_MAX: usize = 8;
 
-/// Velocities that meet may differ by this: what a bounce takes off along the ground (5 m/s), and
-/// the noise of two ends.
-const TURN_LEVEL_MAX_M_S: f64 = 10.0;
+/// What is used of the flight after the bounce: more tells little of the bounce.
+const AFTER_S: f64 = 0.25;
 
-/// The same upwards, well above the ground.
-const TURN_UPRIGHT_MAX_M_S: f64 = 6.0;
+/// Nearer to the bounce than this a sighting does not say on which side it is.
+const NEAR_BOUNCE_S: f64 = 0.004;
 
-/// Nearer to the ground than this a ball may turn upwards at any speed.
-const BOUNCE_HEIGHT_MAX_M: f64 = 0.6;
+/// Longest flight back to the launcher, and on to the ground, beyond what was seen.
+const REACH_S: [f64; 2] = [1.2, 1.5];
 
-/// Times looked at in a gap.
-const N_MEETING_TIMES: i64 = 16;
-
-/// A third of a frame's worth of tokens per frame at 90 Hz.
-const GAP_PENALTY_PER_S: f64 = 80.0;
-
-/// Points of one ball in order of time, from the tracklets that form the longest path.
-#[derive(Debug, Clone, PartialEq)]
+/// Every sighting of one ball.
+#[derive(Clone)]
 pub struct Path {
-    /// The points.
-    pub points: Vec<Point>,
-    /// Which points, as in [`Token`].
-    pub point_ids: Vec<u64>,
-    /// Sum of their scores less penalties.
-    pub score: f64,
+    /// In order of time.
+    pub sightings: Vec<Sighting>,
+    /// The flight that leads through them; None without a court.
+    pub fitted: Option<Fitted>,
+    /// Whether it was seen after a bounce.
+    pub has_bounce: bool,
 }
 
-/// The longest path through the tracklets; None without tracklets.
+/// How a flight is fitted.
+#[derive(Debug, Clone, Copy)]
+pub struct Terms<'a> {
+    /// Cameras, air, clocks.
+    pub world: World<'a>,
+    /// 1 sigma of the ground's height.
+    pub ground_sigma_m: f64,
+}
+
+/// Gathers the sightings of a tracklet's ball; None if there are too few for a flight.
 #[must_use]
-pub fn from_tracklets(tracklets: &[Tracklet], physics: &Physics) -> Option<Path> {
-    let mut nodes: Vec<&Tracklet> = tracklets.iter().collect();
-    nodes.sort_by_key(|tracklet| (tracklet.start_ns(), tracklet.end_ns()));
-    let mut best: Vec<(f64, Option<usize>)> = Vec::with_capacity(nodes.len());
-    for (b_idx, b) in nodes.iter().enumerate() {
-        let mut here = (b.score(), None);
-        for (a_idx, a) in nodes[..b_idx].iter().enumerate() {
-            if let Some(gain) = gain(a, b, physics)
-                && best[a_idx].0 + gain > here.0
-            {
-                here = (best[a_idx].0 + gain, Some(a_idx));
+pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Path> {
+    let tokens = |n_bounces: u32| -> Vec<Sighting> {
+        let own = tracklet.tokens.iter().filter(|token| token.n_bounces == n_bounces);
+        own.filter_map(|token| history.sighting(token.id)).copied().collect()
+    };
+    let (before, after) = (ordered(tokens(0), terms), ordered(tokens(1), terms));
+    if before.len() < N_TOKENS_MIN {
+        return None;
+    }
+    if terms.world.ground_m().is_none() {
+        return Some(Path { sightings: before, fitted: None, has_bounce: false });
+    }
+    let mut growth = Growth::new(tracklet, before, history, terms)?;
+    growth.grow(false);
+    if !after.is_empty() {
+        growth.go_on(after)?;
+        growth.grow(true);
+    }
+    growth.adopt_launcher_if_near();
+    let Growth { sightings, fitted, has_bounce, .. } = growth;
+    Some(Path { sightings, fitted: Some(fitted), has_bounce })
+}
+
+/// By time on the left clock.
+fn ordered(mut sightings: Vec<Sighting>, terms: &Terms) -> Vec<Sighting> {
+    sightings.sort_by_key(|s| (terms.world.left_ns(s.camera, s.t_ns), s.camera));
+    sightings
+}
+
+struct Growth<'a> {
+    sightings: Vec<Sighting>,
+    fitted: Fitted,
+    has_bounce: bool,
+    prior: Prior,
+    launcher_m: Option<Point3<f64>>,
+    reference_ns: StampNs,
+    history: &'a History,
+    terms: &'a Terms<'a>,
+}
+
+impl<'a> Growth<'a> {
+    fn new(
+        tracklet: &Tracklet,
+        sightings: Vec<Sighting>,
+        history: &'a History,
+        terms: &'a Terms<'a>,
+    ) -> Option<Self> {
+        let falling = tracklet.falling.as_ref().unwrap_or(&tracklet.motion);
+        let (first, last) = (sightings.first()?, sightings.last()?);
+        let reference_ns = first.t_ns.midpoint(last.t_ns);
+        let physics = terms.world.physics;
+        let state = falling.flown(reference_ns, physics);
+        let start = Unknowns {
+            aloft: Aloft {
+                position_m: state.position_m,
+                velocity_m_s: state.velocity_m_s,
+                spin_rad_s: Vector3::zeros(),
+            },
+            breeze: Breeze { drag_coefficient: DRAG_COEFFICIENT, wind_m_s: Vector2::zeros() },
+            clock_s: terms.world.clock_s[0],
+            ground_m: 0.0,
+            out_m_s: Vector3::zeros(),
+        };
+        let known = Known {
+            clock_s: terms.world.clock_s,
+            ground_sigma_m: terms.ground_sigma_m,
+            out_and_in_m_s: [Vector3::zeros(); 2],
+        };
+        let prior = Prior::new(&start, &known);
+        let scene = scene(terms, None, false);
+        let fitted = fit::from_sightings(&sightings, reference_ns, &start, &prior, &scene)?;
+        Some(Self {
+            sightings,
+            fitted,
+            has_bounce: false,
+            prior,
+            launcher_m: None,
+            reference_ns,
+            history,
+            terms,
+        })
+    }
+
+    fn refit(&mut self, sightings: Vec<Sighting>, start: &Unknowns) -> bool {
+        let scene = scene(self.terms, self.launcher_m, self.has_bounce);
+        let fitted =
+            fit::from_sightings(&sightings, self.reference_ns, start, &self.prior, &scene);
+        match fitted {
+            Some(fitted) if sightings.len() >= N_TOKENS_MIN => {
+                (self.fitted, self.sightings) = (fitted, sightings);
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Outwards until nothing new comes.
+    fn grow(&mut self, is_after: bool) {
+        for _ in 0..N_ROUNDS_MAX {
+            let gathered = self.gathered(is_after);
+            if gathered == self.sightings {
+                break;
+            }
+            let start = self.fitted.unknowns;
+            if !self.refit(gathered, &start) {
+                break;
             }
         }
-        best.push(here);
     }
-    let end = (0..nodes.len()).max_by(|&a, &b| best[a].0.total_cmp(&best[b].0))?;
-    let chain = std::iter::successors(Some(end), |&idx| best[idx].1).collect::<Vec<_>>();
-    let mut tokens: Vec<&Token> = Vec::new();
-    for &idx in chain.iter().rev() {
-        let last_ns = tokens.last().map(|token| token.point.t_ns);
-        tokens.extend(
-            nodes[idx].tokens.iter().filter(|t| last_ns.is_none_or(|last| t.point.t_ns > last)),
-        );
-    }
-    Some(Path {
-        points: tokens.iter().map(|token| token.point).collect(),
-        point_ids: tokens.iter().map(|token| token.point_id).collect(),
-        score: best[end].0,
-    })
-}
 
-/// What b adds to a path that ends with a; None if it does not follow from it.
-fn gain(a: &Tracklet, b: &Tracklet, physics: &Physics) -> Option<f64> {
-    if b.end_ns() <= a.end_ns() {
-        return None;
-    }
-    let gap_s = seconds_between(a.end_ns(), b.start_ns());
-    let is_in_reach = (-REACH_BACK_S..GAP_MAX_S).contains(&gap_s);
-    let is_joined = shares_a_token(a, b) || (is_in_reach && meets(a, b, physics));
-    if !is_joined {
-        return None;
-    }
-    let is_new = |token: &&Token| token.point.t_ns > a.end_ns();
-    let new_score: f64 = b.tokens.iter().filter(is_new).map(|token| token.score).sum();
-    Some(new_score - GAP_PENALTY_PER_S * gap_s.max(0.0))
-}
-
-fn shares_a_token(a: &Tracklet, b: &Tracklet) -> bool {
-    let first_id = b.tokens.first().map(|token| token.point_id);
-    a.end_ns() >= b.start_ns()
-        && a.tokens.iter().any(|token| {
-            first_id <= Some(token.point_id)
-                && b.tokens.iter().any(|other| other.point_id == token.point_id)
-        })
-}
-
-/// Whether a carried on and b carried back come together in the gap between them.
-fn meets(a: &Tracklet, b: &Tracklet, physics: &Physics) -> bool {
-    let gap_ns = b.start_ns().saturating_sub(a.end_ns());
-    let gap_s = seconds_between(a.end_ns(), b.start_ns()).abs();
-    let margin_m = MEETING_MARGIN_M + MEETING_MARGIN_M_S * gap_s;
-    (0..=N_MEETING_TIMES).any(|i| {
-        let t_ns = a.end_ns().saturating_add(gap_ns / N_MEETING_TIMES * i);
-        let (from_a, _) = a.tail.predicted(t_ns, physics);
-        let (from_b, _) = b.head.predicted(t_ns, physics);
-        let turn_m_s = from_b.velocity_m_s - from_a.velocity_m_s;
-        let is_bounce = from_b.position_m.z < BOUNCE_HEIGHT_MAX_M && turn_m_s.z > 0.0;
-        (from_a.position_m - from_b.position_m).norm() <= margin_m
-            && turn_m_s.xy().norm() <= TURN_LEVEL_MAX_M_S
-            && (is_bounce || turn_m_s.z.abs() <= TURN_UPRIGHT_MAX_M_S)
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::points::PointFrame;
-    use crate::pretend;
-    use crate::tracklets::Windows;
-    use crate::{Dropped, Settings};
-    use nalgebra::Vector3;
-
-    fn tracklets_of(points: &[Point], is_seen: impl Fn(usize) -> bool) -> Vec<Tracklet> {
-        let physics = pretend::reference_rig().physics();
-        let (mut windows, mut dropped) = (Windows::default(), Dropped::default());
-        let mut found = Vec::new();
-        for (i, point) in points.iter().enumerate() {
-            let points = if is_seen(i) { vec![*point] } else { vec![] };
-            let frame = PointFrame { t_ns: point.t_ns, points };
-            let settings = Settings::default();
-            found.extend(windows.update(frame, &physics, &settings, &mut dropped));
+    /// Through the bounce, with the first sightings after it.
+    fn go_on(&mut self, after: Vec<Sighting>) -> Option<()> {
+        let touch = *self.fitted.model.touch()?;
+        let physics = self.terms.world.physics;
+        let spin = self.fitted.model.spin_at(touch.t_s);
+        let radius_m = physics.ball.radius_m();
+        let (out_m_s, ..) = rebound::after(&touch.velocity_m_s, &spin, radius_m, &HARD_COURT);
+        let mut start = self.fitted.unknowns;
+        start.out_m_s = out_m_s;
+        let known = Known {
+            clock_s: self.terms.world.clock_s,
+            ground_sigma_m: self.terms.ground_sigma_m,
+            out_and_in_m_s: [out_m_s, touch.velocity_m_s],
+        };
+        self.prior = Prior::new(&self.prior.mean, &known);
+        let is_soon = |s: &Sighting| {
+            let since_s = seconds_between(self.reference_ns, s.t_ns) - touch.t_s;
+            since_s < AFTER_S
+        };
+        let mut all = self.sightings.clone();
+        all.extend(after.into_iter().filter(is_soon));
+        self.has_bounce = true;
+        if !self.refit(ordered(all, self.terms), &start) {
+            self.has_bounce = false;
         }
-        found.extend(windows.finish(&physics, &mut dropped));
-        found.into_iter().flatten().collect()
+        Some(())
     }
 
-    #[test]
-    fn overlapping_windows_become_one_path_without_doubles() {
-        let physics = pretend::reference_rig().physics();
-        let points = pretend::exact_points(70);
-        let path = from_tracklets(&tracklets_of(&points, |_| true), &physics).unwrap();
-        assert_eq!(path.points, points);
-        assert!(path.score < 70.0 * 3.0);
+    /// A flight that passes the launcher, for all that is known of it, came from there.
+    fn adopt_launcher_if_near(&mut self) {
+        let Some(launcher) = self.terms.world.rig.launcher_in_court_m() else { return };
+        let first_s = self.fitted.time_s(&self.sightings[0]);
+        let Some(there) = self.fitted.model.passing(1, launcher.y, first_s - REACH_S[0]) else {
+            return;
+        };
+        let slope = &there.d_position;
+        let near_m2 = Matrix3::identity() * LAUNCHER_SIGMA_M.powi(2);
+        let covariance = slope * self.fitted.covariance * slope.transpose() + near_m2;
+        let off = there.position_m - launcher;
+        let is_near = covariance
+            .try_inverse()
+            .is_some_and(|inverse| off.dot(&(inverse * off)) < GATE_SIGMAS * GATE_SIGMAS);
+        if is_near {
+            self.launcher_m = Some(launcher);
+            let (sightings, start) = (self.sightings.clone(), self.fitted.unknowns);
+            self.refit(sightings, &start);
+        }
     }
 
-    #[test]
-    fn a_gap_is_bridged_by_extrapolation() {
-        let physics = pretend::reference_rig().physics();
-        let points = pretend::exact_points(70);
-        let is_seen = |i| !(30..50).contains(&i);
-        let path = from_tracklets(&tracklets_of(&points, is_seen), &physics).unwrap();
-        assert_eq!(path.points.len(), 50);
+    /// The spot of every frame that fits the flight best, if any is within the gate.
+    fn gathered(&self, is_after: bool) -> Vec<Sighting> {
+        let touch_s = self.fitted.model.touch().map_or(f64::INFINITY, |touch| touch.t_s);
+        let time_of = |s: Option<&Sighting>| s.map_or(0.0, |s| self.fitted.time_s(s));
+        let first_s = time_of(self.sightings.first()) - GROWTH_S;
+        let launched_s = self.terms.world.rig.launcher_in_court_m().and_then(|launcher| {
+            Some(self.fitted.model.passing(1, launcher.y, first_s - REACH_S[0])?.t_s)
+        });
+        let from_s = first_s.max(launched_s.unwrap_or(f64::NEG_INFINITY));
+        let grown_s = time_of(self.sightings.last()) + GROWTH_S;
+        let to_s = match is_after {
+            true => grown_s.min(touch_s + AFTER_S),
+            false => grown_s.min(touch_s - NEAR_BOUNCE_S),
+        };
+        let from_ns = later_ns(self.reference_ns, from_s - MARGIN_S);
+        let mut gathered = Vec::with_capacity(self.sightings.len() + 64);
+        for camera in Camera::BOTH {
+            for kept in self.history.since(camera, from_ns) {
+                if seconds_between(self.reference_ns, kept.t_ns) > to_s + MARGIN_S {
+                    break;
+                }
+                gathered.extend(self.nearest(kept, from_s..to_s));
+            }
+        }
+        ordered(gathered, self.terms)
     }
 
-    #[test]
-    fn a_bounce_is_bridged_where_the_parabolas_meet() {
-        let physics = pretend::reference_rig().physics();
-        let points = pretend::bouncing_points();
-        let is_seen = |i: usize| i % 7 != 3;
-        let path = from_tracklets(&tracklets_of(&points, is_seen), &physics).unwrap();
-        let n_seen = (0..points.len()).filter(|&i| is_seen(i)).count();
-        assert!(path.points.len() + 2 >= n_seen, "{} of {n_seen}", path.points.len());
+    fn nearest(&self, kept: &Kept, span_s: std::ops::Range<f64>) -> Option<Sighting> {
+        let rig = self.terms.world.rig;
+        let eye = rig.eye(kept.camera);
+        let middle_px = f64::from(eye.lens.image_px()[1]) / 2.0;
+        let at_row = |row_px: f64| Sighting {
+            camera: kept.camera,
+            t_ns: later_ns(kept.t_ns, row_px * eye.row_time_us * 1e-6),
+            raw: crate::world::camera::RawPixel { x_px: 0.0, y_px: 0.0 },
+            covariance_px2: nalgebra::Matrix2::identity(),
+        };
+        let mut row = at_row(middle_px);
+        let mut seen = self.fitted.seen(&row, rig)?;
+        if eye.row_time_us > 0.0 {
+            row = at_row(seen.1.y.clamp(0.0, 2.0 * middle_px));
+            seen = self.fitted.seen(&row, rig)?;
+        }
+        let (slope, expected_px) = seen;
+        let time_s = self.fitted.time_s(&row);
+        let is_underground = self.fitted.model.at(time_s).position_m.z < 0.0;
+        if !span_s.contains(&time_s) || is_underground {
+            return None;
+        }
+        let doubt: SMatrix<f64, 2, 2> = slope * self.fitted.covariance * slope.transpose();
+        if doubt.trace().sqrt() > DOUBT_MAX_PX {
+            return None;
+        }
+        let reach_px = GATE_SIGMAS * doubt[(1, 1)].sqrt() + REACH_PX;
+        kept.spots_in([expected_px.y - reach_px, expected_px.y + reach_px])
+            .map(|(_, spot)| spot.sighting)
+            .filter_map(|sighting| {
+                Some((self.fitted.distance(&sighting, rig, true)?, sighting))
+            })
+            .filter(|(distance, _)| *distance <= GATE_SIGMAS)
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, sighting)| sighting)
     }
+}
 
-    #[test]
-    fn what_is_elsewhere_is_not_joined_and_the_longer_wins() {
-        let physics = pretend::reference_rig().physics();
-        let points = pretend::exact_points(60);
-        let mut moved = points.clone();
-        moved[45..].iter_mut().for_each(|p| p.position_m += Vector3::new(3.0, 0.0, 0.0));
-        let path = from_tracklets(&tracklets_of(&moved, |_| true), &physics).unwrap();
-        assert_eq!(path.points, points[..45]);
-        assert_eq!(from_tracklets(&[], &physics), None);
-    }
+/// Rows around the expected one in which a spot may be within its gate, whatever its noise.
+const REACH_PX: f64 = 12.0;
+
+/// Rounding of times when frames are looked up.
+const MARGIN_S: f64 = 0.05;
+
+fn scene<'a>(terms: &Terms<'a>, launcher_m: Option<Point3<f64>>, has_bounce: bool) -> Scene<'a> {
+    let World { rig, physics, .. } = terms.world;
+    Scene { rig, physics, launcher_m, has_bounce, reach_s: REACH_S }
 }

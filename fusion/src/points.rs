@@ -11,18 +11,20 @@
 //! The two sightings may be up to half a frame apart; the point's time is their mean. For cameras
 //! on either side of the flight, the columns' errors then cancel in the disparity.
 
-use crate::matched::MatchedFrame;
+use crate::history::SpotId;
+use crate::matched::Matched;
+use crate::motion::World;
 use crate::rectified::Sighting;
 use crate::world::court;
 use crate::world::rectification::Rectification;
-use crate::{Dropped, Settings};
-use nalgebra::{Matrix3, Matrix3x4, Point3, Vector4};
-use shm_layout::StampNs;
+use crate::Dropped;
+use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Vector4};
+use shm_layout::{Camera, StampNs};
 
 /// A place a ball may have been at.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// Mean of the two sightings' times.
+    /// Mean of the two sightings' times, on the left clock as far as the clocks are known.
     pub t_ns: StampNs,
     /// In the tracking frame.
     pub position_m: Point3<f64>,
@@ -34,12 +36,16 @@ pub struct Point {
     pub left: Sighting,
     /// In the right camera.
     pub right: Sighting,
+    /// Which spots of which frames.
+    pub ids: [SpotId; 2],
+    /// Rectified row in the right camera less that in the left.
+    pub row_mismatch_px: f64,
 }
 
 /// All points of one instant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointFrame {
-    /// As in [`MatchedFrame`].
+    /// Stamp of the later frame.
     pub t_ns: StampNs,
     /// The points, best pair first.
     pub points: Vec<Point>,
@@ -47,46 +53,48 @@ pub struct PointFrame {
 
 /// Triangulates all pairs; with a court, those that cannot be in its volume are left out.
 pub fn from_matched(
-    matched: &MatchedFrame,
+    pairs: &[Matched],
+    t_ns: StampNs,
     rectification: &Rectification,
-    settings: &Settings,
-    is_court_known: bool,
+    world: &World,
     dropped: &mut Dropped,
 ) -> PointFrame {
-    let mut points = Vec::with_capacity(matched.pairs.len());
-    for pair in &matched.pairs {
-        let pixels = Vector4::new(
-            pair.left.pixel.x_px,
-            pair.right.pixel.x_px,
-            pair.left.pixel.y_px,
-            pair.right.pixel.y_px,
-        );
-        let (in_rectified, jacobian) = triangulated(pixels, rectification);
-        let position_m = rectification.point_in_tracking(&in_rectified);
-        let is_sane = court::is_sane(position_m.x, position_m.y, position_m.z);
-        if is_court_known && !is_sane {
+    let is_court_known = world.rig.court_from_left().is_some();
+    let mut points = Vec::with_capacity(pairs.len());
+    for pair in pairs {
+        let Some(point) = from_pair(pair, rectification, world) else { continue };
+        let position_m = point.position_m;
+        if is_court_known && !court::is_sane(position_m.x, position_m.y, position_m.z) {
             dropped.n_points_outside_court += 1;
             continue;
         }
-        let sigmas = [pair.left.sigma_px, pair.right.sigma_px];
-        let [left_px2, right_px2] = sigmas.map(|sigma_px| sigma_px.max(settings.sigma_px).powi(2));
-        let noise = Vector4::new(left_px2, right_px2, left_px2, right_px2);
-        let rotation = rectification.tracking_from_rectified.rotation.matrix();
-        let jacobian = rotation * jacobian;
-        let covariance_m2 =
-            jacobian * nalgebra::Matrix4::from_diagonal(&noise) * jacobian.transpose();
-        let Some(information_per_m2) = covariance_m2.try_inverse() else { continue };
-        let [left, right] = [pair.left.sighting, pair.right.sighting];
-        points.push(Point {
-            t_ns: left.t_ns.midpoint(right.t_ns),
-            position_m,
-            covariance_m2,
-            information_per_m2,
-            left,
-            right,
-        });
+        points.push(point);
     }
-    PointFrame { t_ns: matched.t_ns, points }
+    PointFrame { t_ns, points }
+}
+
+/// Triangulates a pair; None if its pixels tell nothing.
+#[must_use]
+pub fn from_pair(pair: &Matched, rectification: &Rectification, world: &World) -> Option<Point> {
+    let (left, right) = (pair.left, pair.right);
+    let pixels = Vector4::new(left.pixel.x_px, right.pixel.x_px, left.pixel.y_px, right.pixel.y_px);
+    let (in_rectified, jacobian) = triangulated(pixels, rectification);
+    let [left_px2, right_px2] = [left, right].map(|spot| spot.sighting.sigma_px().powi(2));
+    let noise = Vector4::new(left_px2, right_px2, left_px2, right_px2);
+    let rotation = rectification.tracking_from_rectified.rotation.matrix();
+    let jacobian = rotation * jacobian;
+    let covariance_m2 = jacobian * Matrix4::from_diagonal(&noise) * jacobian.transpose();
+    let right_ns = world.left_ns(Camera::Right, right.sighting.t_ns);
+    Some(Point {
+        t_ns: left.sighting.t_ns.midpoint(right_ns),
+        position_m: rectification.point_in_tracking(&in_rectified),
+        covariance_m2,
+        information_per_m2: covariance_m2.try_inverse()?,
+        left: left.sighting,
+        right: right.sighting,
+        ids: pair.ids,
+        row_mismatch_px: right.pixel.y_px - left.pixel.y_px,
+    })
 }
 
 /// The point in the rectified left camera's frame, and its Jacobian by `(x_l, x_r, y_l, y_r)`.
@@ -122,8 +130,7 @@ fn triangulated(
 mod tests {
     use super::*;
     use crate::pretend;
-    use nalgebra::{Matrix4, RowVector4};
-    use shm_layout::Camera;
+    use nalgebra::RowVector4;
 
     fn pixels_of(point: &Point3<f64>, rectification: &Rectification) -> Vector4<f64> {
         let rig = pretend::reference_rig();

@@ -3,12 +3,13 @@
 //! The flight is integrated by Euler steps of 20 µs and shares no code with `world/ball.rs`.
 
 use crate::candidates::FrameCandidates;
-use crate::flight::Bounce;
+use crate::history::SpotId;
 use crate::points::Point;
 use crate::rectified::Sighting;
+use crate::shot::Bounce;
 use crate::world::camera::RawPixel;
 use crate::world::rig::{Mounting, Rig};
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix2, Matrix3, Point3, Vector3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -158,6 +159,8 @@ pub fn flown(serve: &Serve, times_ns: &[StampNs]) -> Truth {
                 covariance_m2: [[0.0; 2]; 2],
                 velocity_in_m_s: into,
                 velocity_out_m_s: Some(v),
+                t_sigma_s: None,
+                velocity_sigma_m_s: None,
             });
         }
     }
@@ -191,6 +194,8 @@ fn point(position_m: Point3<f64>, t_ns: StampNs) -> Point {
         let behind = RawPixel { x_px: 0.0, y_px: 0.0 };
         rig.raw_from_tracking(camera, &position_m).unwrap_or(behind)
     };
+    let covariance_px2 = Matrix2::identity() * 0.09;
+    let sighting = |camera| Sighting { camera, t_ns, raw: raw(camera), covariance_px2 };
     // Almost all of the error is along the line of sight.
     let sight = (position_m - Point3::new(0.0, 0.0, 3.5)).normalize();
     let distance_m = (position_m - Point3::new(0.0, 0.0, 3.5)).norm();
@@ -203,8 +208,10 @@ fn point(position_m: Point3<f64>, t_ns: StampNs) -> Point {
         position_m,
         covariance_m2,
         information_per_m2: covariance_m2.try_inverse().unwrap(),
-        left: Sighting { t_ns, raw: raw(Camera::Left) },
-        right: Sighting { t_ns, raw: raw(Camera::Right) },
+        left: sighting(Camera::Left),
+        right: sighting(Camera::Right),
+        ids: Camera::BOTH.map(|camera| SpotId { camera, serial: 0, idx: 0 }),
+        row_mismatch_px: 0.0,
     }
 }
 

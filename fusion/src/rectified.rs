@@ -1,7 +1,8 @@
-//! Candidates of one frame -> rectified pixels, each with its own time and sigma.
+//! Candidates of one frame -> rectified pixels, each with its own time and covariance.
 //!
 //! Only the points are undistorted and rectified, never an image (thesis 7.1). Under a rolling
-//! shutter each row has its own time, `exposed + y · row_time`.
+//! shutter each row has its own time, `exposed + y · row_time`. The covariance is that of the
+//! detector, or else what a thresholded centroid is worth.
 //!
 //! Candidates that are not finite, lie outside the image, or where the lens model has no inverse
 //! are dropped and counted.
@@ -11,18 +12,34 @@ use crate::world::camera::{RawPixel, RectifiedPixel};
 use crate::world::rectification::Rectification;
 use crate::world::rig::Rig;
 use crate::{Dropped, Settings};
+use nalgebra::Matrix2;
 use shm_layout::{Camera, Candidate, StampNs};
 
 /// Part of a ball's diameter its centroid may be off by: one side is lit, the other in shadow.
 const SHADING_PER_DIAMETER: f64 = 0.05;
 
+/// A detector that is surer of a centre than this does not know its own errors.
+const SIGMA_MIN_PX: f64 = 0.03;
+
 /// A spot where it was captured, and when.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighting {
-    /// Mid-exposure of the spot's row.
+    /// Which camera.
+    pub camera: Camera,
+    /// Mid-exposure of the spot's row, on the camera's own clock.
     pub t_ns: StampNs,
     /// The spot's centre, raw.
     pub raw: RawPixel,
+    /// Of the centre.
+    pub covariance_px2: Matrix2<f64>,
+}
+
+impl Sighting {
+    /// 1 sigma, mean of both axes.
+    #[must_use]
+    pub fn sigma_px(&self) -> f64 {
+        (0.5 * self.covariance_px2.trace()).sqrt()
+    }
 }
 
 /// A candidate, rectified.
@@ -32,8 +49,6 @@ pub struct Rectified {
     pub sighting: Sighting,
     /// Its place in the rectified image.
     pub pixel: RectifiedPixel,
-    /// 1 sigma of the place, each axis.
-    pub sigma_px: f64,
     /// Width, height and area, if the detector gave them.
     pub size: Option<[f64; 3]>,
 }
@@ -41,9 +56,11 @@ pub struct Rectified {
 /// One frame's candidates, rectified.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RectifiedFrame {
+    /// Whose.
+    pub camera: Camera,
     /// Mid-exposure of the first row.
     pub t_ns: StampNs,
-    /// The candidates.
+    /// The candidates, by their raw rows.
     pub spots: Vec<Rectified>,
 }
 
@@ -71,25 +88,30 @@ pub fn from_candidates(
         };
         let size = size_of(spot);
         let row_ns = (raw.y_px * eye.row_time_us * 1e3).round() as StampNs;
-        spots.push(Rectified {
-            sighting: Sighting { t_ns: frame.exposed_ns.saturating_add(row_ns), raw },
-            pixel,
-            sigma_px: sigma_of(spot, settings),
-            size,
-        });
+        let sighting = Sighting {
+            camera,
+            t_ns: frame.exposed_ns.saturating_add(row_ns),
+            raw,
+            covariance_px2: covariance_of(spot, settings),
+        };
+        spots.push(Rectified { sighting, pixel, size });
     }
-    RectifiedFrame { t_ns: frame.exposed_ns, spots }
+    spots.sort_by(|a, b| a.sighting.raw.y_px.total_cmp(&b.sighting.raw.y_px));
+    RectifiedFrame { camera, t_ns: frame.exposed_ns, spots }
 }
 
-/// 1 sigma of the place: what the detector says, or else what a thresholded centroid is worth.
-fn sigma_of(spot: &Candidate, settings: &Settings) -> f64 {
-    let variance_px2 = 0.5 * f64::from(spot.xx_px2 + spot.yy_px2);
-    if variance_px2.is_finite() && variance_px2 > 0.0 {
-        return variance_px2.sqrt();
+/// Covariance of the centre; the detector's if it is one.
+fn covariance_of(spot: &Candidate, settings: &Settings) -> Matrix2<f64> {
+    let [xx, xy, yy] = [spot.xx_px2, spot.xy_px2, spot.yy_px2].map(f64::from);
+    let least = Matrix2::identity() * SIGMA_MIN_PX.powi(2);
+    let told = Matrix2::new(xx, xy, xy, yy);
+    if xx > 0.0 && yy > 0.0 && told.determinant() > 0.0 && told.trace().is_finite() {
+        return told + least;
     }
     let size = size_of(spot);
     let diameter_px = size.map_or(0.0, |[width, height, _]| f64::midpoint(width, height));
-    settings.sigma_px.hypot(SHADING_PER_DIAMETER * diameter_px)
+    let sigma_px = settings.sigma_px.hypot(SHADING_PER_DIAMETER * diameter_px);
+    Matrix2::identity() * sigma_px.powi(2) + least
 }
 
 /// A size counts if all of it is known and none of it is nothing.

@@ -1,56 +1,55 @@
 //! Flight -> shot: launch, net, bounce, track, and why something is missing.
 //!
-//! **Is it a shot?** [`from_path`] says [`Verdict::Rejected`] of what is no launch: too few points,
-//! too slow, not down the court, a ball that comes out of the ground when flown back, or one that
-//! carries on where the last shot ended: the ball after its bounce. Each reason is counted.
+//! **Is it a shot?** [`from_flight`] says [`Verdict::Rejected`] of what is no launch: too few
+//! sightings, too slow, not down the court, a ball that comes out of the ground when flown back, or
+//! one that never leaves it. Each reason is counted.
 
-use crate::arc::crossing_covariance;
-use crate::flight::{Bounce, Flight};
+use crate::flight::Flight;
+use crate::flight::model::Instant;
 use crate::launch::{self, Launch};
-use crate::motion::seconds_between;
-use crate::path::Path;
-use crate::points::Point;
-use crate::world::ball::State;
 use crate::world::camera::RawPixel;
 use crate::world::court;
 use crate::world::rig::Rig;
 use nalgebra::{Point3, Vector3};
 use shm_layout::{Camera, StampNs};
 
-/// Points in flight before the bounce that make a whole shot: 0.17 s.
-pub const MIN_FLIGHT_POINTS: usize = 15;
+/// Sightings before the bounce that make a whole shot: 0.1 s of two cameras.
+pub const MIN_FLIGHT_SIGHTINGS: usize = 16;
 
 /// Fewer than this is not even a shot with too few points.
-const MIN_SHOT_POINTS: usize = 10;
+const MIN_SHOT_SIGHTINGS: usize = 10;
 
 /// A launcher's slowest ball is 11 m/s; a ball thrown back by hand is slower than this.
 const LAUNCH_SPEED_MIN_M_S: f64 = 8.0;
 
 /// Shorter is a chain of false points.
-const DURATION_MIN_S: f64 = 0.15;
+pub const DURATION_MIN_S: f64 = 0.15;
 
-/// A flown-back ball this far underground did not come from a launcher but from a bounce: what it
-/// may be at once, and per metre flown back (spin is only guessed; a bounced ball dives 0.5 m/m).
-const UNDERGROUND_M: f64 = 0.5;
-const UNDERGROUND_PER_M: f64 = 0.15;
+/// A flown-back ball that is underground by this and by so many sigmas did not come from a launcher
+/// but from a bounce.
+const UNDERGROUND_M: f64 = 0.1;
+const GATE_SIGMAS: f64 = 3.0;
 
-/// Longest gap in which the net may be passed unseen: 2 m of flight.
-const GAP_AT_NET_MAX_S: f64 = 0.1;
+/// Longest the ball may be unseen around the net for its height there to be told.
+const GAP_AT_NET_MAX_S: f64 = 0.3;
 
-/// A path that begins this soon after the last one's end, and not nearer, is the same ball.
-const SAME_BALL_S: f64 = 2.0;
+/// What stays below this height has not been served: a few balls high, and well over what the
+/// height of a point is uncertain by.
+const ON_GROUND_M: f64 = 0.25;
 
-/// How much nearer it may begin.
-const SAME_BALL_M: f64 = 1.0;
+/// A bounce that is only extrapolated is told if its place is known better than this.
+const EXTRAPOLATED_SIGMA_MAX_M: f64 = 2.0;
 
 /// Why a shot is whole or not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// Launch to bounce.
     Measured,
-    /// The flight ended, or went out of sight, in the air.
+    /// The flight ended, or went out of sight, in the air; the bounce told is extrapolated.
     NoBounceSeen,
-    /// A ball, but fewer than [`MIN_FLIGHT_POINTS`] of its flight.
+    /// Only one camera saw it, and the launcher's place did the rest: expect wide sigmas.
+    OneCamera,
+    /// A ball, but fewer than [`MIN_FLIGHT_SIGHTINGS`] of its flight.
     TooFewPoints,
     /// The rig does not know the court: speeds are measured, directions and bounce are not.
     NoCourt,
@@ -63,10 +62,30 @@ impl Outcome {
         match self {
             Self::Measured => "measured",
             Self::NoBounceSeen => "no bounce seen",
+            Self::OneCamera => "one camera",
             Self::TooFewPoints => "too few points",
             Self::NoCourt => "no court",
         }
     }
+}
+
+/// Where the ball touched the ground.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bounce {
+    /// When.
+    pub t_ns: StampNs,
+    /// 1 sigma of the time; None where it was not fitted.
+    pub t_sigma_s: Option<f64>,
+    /// The ball's centre, court.
+    pub position_m: Point3<f64>,
+    /// Covariance of x and y.
+    pub covariance_m2: [[f64; 2]; 2],
+    /// Velocity just before.
+    pub velocity_in_m_s: Vector3<f64>,
+    /// Velocity just after; None if too little was seen of what followed.
+    pub velocity_out_m_s: Option<Vector3<f64>>,
+    /// 1 sigma of each axis of the velocity before and after; None where it was not fitted.
+    pub velocity_sigma_m_s: Option<[Vector3<f64>; 2]>,
 }
 
 /// The ball above the net, at y = 11.885.
@@ -81,23 +100,28 @@ pub struct NetCrossing {
 /// One seen instant of a flight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackPoint {
-    /// When: the mean of the two sightings.
+    /// When, on the left clock.
     pub t_ns: StampNs,
-    /// Of the arc around this time (not the triangulated point), tracking frame.
+    /// Of the flight at this time (nothing is triangulated), tracking frame.
     pub position_m: Point3<f64>,
-    /// Of the same arc.
+    /// Of the same flight.
     pub velocity_m_s: Vector3<f64>,
     /// 1 sigma of the position.
     pub sigma_m: Vector3<f64>,
-    /// The candidates themselves, raw.
-    pub left_px: RawPixel,
+    /// The candidate itself, raw; None if this camera did not see the ball at this instant.
+    pub left_px: Option<RawPixel>,
     /// In the right camera.
-    pub right_px: RawPixel,
+    pub right_px: Option<RawPixel>,
 }
 
-/// What stays below this height has not been served: a few balls high, and well over what the
-/// height of a point is uncertain by.
-const ON_GROUND_M: f64 = 0.25;
+/// How far the right camera's clock is ahead of the left one's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClockOffset {
+    /// Right less left.
+    pub right_minus_left_s: f64,
+    /// 1 sigma.
+    pub sigma_s: f64,
+}
 
 /// What was measured of one ball. None is "not observed".
 #[derive(Debug, Clone, PartialEq)]
@@ -112,14 +136,16 @@ pub struct Shot {
     pub net: Option<NetCrossing>,
     /// Every instant it was seen, outliers left out, up to a few after the bounce.
     pub track: Vec<TrackPoint>,
-    /// RMS distance (both axes) of the candidates from the reprojected arcs, left and right.
+    /// RMS distance (both axes) of the candidates from the flight, left and right.
     pub residual_px: [Option<f64>; 2],
+    /// What it told of the clocks.
+    pub clock: Option<ClockOffset>,
 }
 
 /// Why a path is no shot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Rejection {
-    /// Too few points, or too short a time.
+    /// Too few sightings, or too short a time.
     TooShort,
     /// Slower than any launch.
     TooSlow,
@@ -132,15 +158,8 @@ pub enum Rejection {
     OnGround,
     /// It carries on where the last shot ended.
     SameBall,
-}
-
-/// Where and when the last published ball was seen last.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LastSeen {
-    /// When.
-    pub t_ns: StampNs,
-    /// How far down the court; the bounce's if there was one.
-    pub y_m: f64,
+    /// No flight leads through its sightings.
+    NoFlight,
 }
 
 /// What a decided path is.
@@ -152,193 +171,141 @@ pub enum Verdict {
     Rejected(Rejection),
 }
 
-/// Judges a path and measures it.
-#[must_use]
-pub fn from_path(path: &Path, rig: &Rig, last_seen: Option<LastSeen>) -> Verdict {
-    let is_court_known = rig.court_from_left().is_some();
-    let flight = Flight::from_path(&path.points, is_court_known, rig.physics());
-    if is_court_known && last_seen.is_some_and(|last_seen| last_seen.is_followed_by(path)) {
-        return Verdict::Rejected(Rejection::SameBall);
+/// What is looked at to tell a shot from what is none.
+pub struct Judged<'a> {
+    /// Sightings or points before the bounce.
+    pub n: usize,
+    /// How it began.
+    pub launch: &'a Launch,
+    /// The highest place it was seen at.
+    pub highest_m: f64,
+    /// How far underground it may come from.
+    pub lowest_m: f64,
+    /// Whether heights and directions mean anything.
+    pub is_court_known: bool,
+}
+
+impl Judged<'_> {
+    /// Why it is no shot, if it is none.
+    #[must_use]
+    pub fn rejection(&self) -> Option<Rejection> {
+        let v = self.launch.velocity_m_s;
+        let speed_m_s = v.norm();
+        if self.n < MIN_SHOT_SIGHTINGS {
+            Some(Rejection::TooShort)
+        } else if speed_m_s.is_nan() || speed_m_s < LAUNCH_SPEED_MIN_M_S {
+            Some(Rejection::TooSlow)
+        } else if self.is_court_known && v.y < 0.5 * speed_m_s {
+            Some(Rejection::AwayFromNet)
+        } else if self.is_court_known && self.highest_m < ON_GROUND_M {
+            Some(Rejection::OnGround)
+        } else if self.is_court_known && self.launch.position_m.z < self.lowest_m {
+            Some(Rejection::NotFromLauncher)
+        } else {
+            None
+        }
     }
-    let (Some(arc), [first, .., last]) = (flight.launch_arc(), flight.before) else {
-        return Verdict::Rejected(Rejection::TooShort);
-    };
-    let Some(launch) = launch::from_arc(&arc, first.t_ns, rig) else {
+}
+
+/// Judges a flight and measures it.
+#[must_use]
+pub fn from_flight(flight: &Flight, rig: &Rig) -> Verdict {
+    let before = flight.before();
+    let Some(launch) = launch::from_flight(flight, rig) else {
         return Verdict::Rejected(Rejection::NotFromLauncher);
     };
-    if let Some(rejection) = rejection_of(flight.before, &launch, is_court_known) {
+    let heights_m = before.iter().map(|s| flight.at(s).position_m.z);
+    let judged = Judged {
+        n: before.len(),
+        launch: &launch,
+        highest_m: heights_m.fold(f64::MIN, f64::max),
+        lowest_m: -UNDERGROUND_M - GATE_SIGMAS * launch.height_sigma_m,
+        is_court_known: true,
+    };
+    if let Some(rejection) = judged.rejection() {
         return Verdict::Rejected(rejection);
     }
-    let is_whole = flight.before.len() >= MIN_FLIGHT_POINTS
-        && seconds_between(first.t_ns, last.t_ns) >= DURATION_MIN_S;
-    let bounce = flight.bounce(rig.ball().radius_m()).filter(|_| is_whole);
-    let outcome = match (is_court_known, is_whole, &bounce) {
-        (false, ..) => Outcome::NoCourt,
-        (_, false, _) => Outcome::TooFewPoints,
-        (_, _, None) => Outcome::NoBounceSeen,
-        (_, _, Some(_)) => Outcome::Measured,
+    let is_whole =
+        before.len() >= MIN_FLIGHT_SIGHTINGS && flight.seen_for_s() >= DURATION_MIN_S;
+    let n_cameras = Camera::BOTH.iter().filter(|c| before.iter().any(|s| s.camera == **c)).count();
+    let bounce = bounce_from(flight).filter(|_| is_whole);
+    let outcome = match (is_whole, n_cameras, flight.has_bounce(), &bounce) {
+        (false, ..) => Outcome::TooFewPoints,
+        (_, 1, ..) => Outcome::OneCamera,
+        (_, _, true, Some(_)) => Outcome::Measured,
+        _ => Outcome::NoBounceSeen,
     };
-    let net = if is_court_known { net_from(&flight) } else { None };
-    let (track, residual_px) = track_from(&flight, rig);
-    Verdict::Shot(Box::new(Shot { outcome, launch: Some(launch), bounce, net, track, residual_px }))
+    let [right_minus_left_s, sigma_s] = flight.clock_s();
+    Verdict::Shot(Box::new(Shot {
+        outcome,
+        launch: Some(launch),
+        bounce,
+        net: net_from(flight),
+        track: track_from(flight),
+        residual_px: flight.residual_px(rig),
+        clock: (n_cameras == 2).then_some(ClockOffset { right_minus_left_s, sigma_s }),
+    }))
 }
 
-impl LastSeen {
-    /// Whether a path can only be the same ball rolling on: it begins soon after, and not nearer.
-    #[must_use]
-    pub fn is_followed_by(&self, path: &Path) -> bool {
-        path.points.first().is_some_and(|first| {
-            seconds_between(self.t_ns, first.t_ns) < SAME_BALL_S
-                && first.position_m.y > self.y_m - SAME_BALL_M
-        })
+/// Where the ball comes down; extrapolated if that was not seen and is known well enough.
+fn bounce_from(flight: &Flight) -> Option<Bounce> {
+    let touch = flight.touch()?;
+    let covariance = flight.touch_covariance_m2(&touch);
+    if !flight.has_bounce() && covariance.trace().sqrt() > EXTRAPOLATED_SIGMA_MAX_M {
+        return None;
     }
+    let sigmas = |covariance: nalgebra::Matrix3<f64>| covariance.diagonal().map(f64::sqrt);
+    let out = flight.out_m_s();
+    let in_sigma = sigmas(flight.velocity_covariance(&touch));
+    let out_sigma = out.map_or(Vector3::repeat(f64::NAN), |(_, covariance)| sigmas(covariance));
+    Some(Bounce {
+        t_ns: flight.t_ns(&touch),
+        t_sigma_s: Some(flight.time_sigma_s(&touch)),
+        position_m: touch.position_m,
+        covariance_m2: covariance.transpose().into(),
+        velocity_in_m_s: touch.velocity_m_s,
+        velocity_out_m_s: out.map(|(velocity, _)| velocity),
+        velocity_sigma_m_s: Some([in_sigma, out_sigma]),
+    })
 }
 
-fn rejection_of(before: &[Point], launch: &Launch, is_court_known: bool) -> Option<Rejection> {
-    let v = launch.velocity_m_s;
-    if before.len() < MIN_SHOT_POINTS {
-        Some(Rejection::TooShort)
-    } else if v.norm() < LAUNCH_SPEED_MIN_M_S {
-        Some(Rejection::TooSlow)
-    } else if is_court_known && v.y < 0.5 * v.norm() {
-        Some(Rejection::AwayFromNet)
-    } else if is_court_known && before.iter().all(|point| point.position_m.z < ON_GROUND_M) {
-        Some(Rejection::OnGround)
-    } else if is_court_known && is_underground(launch, &before[0]) {
-        Some(Rejection::NotFromLauncher)
-    } else {
-        None
-    }
-}
-
-fn is_underground(launch: &Launch, first: &Point) -> bool {
-    let flown_back_m = (first.position_m - launch.position_m).norm();
-    launch.position_m.z < -UNDERGROUND_M - UNDERGROUND_PER_M * flown_back_m
-}
-
-/// From the arc around the time the ball passes the net's plane; None if that was not seen.
+/// Height above the net's plane; None if the ball was not seen about there.
 fn net_from(flight: &Flight) -> Option<NetCrossing> {
-    let next_idx = flight.before.iter().position(|point| point.position_m.y >= court::NET_Y_M)?;
-    let last = flight.before.get(next_idx.checked_sub(1)?)?;
-    let arc = flight.arc_around(last.t_ns)?;
-    let is_near = |t_ns: &StampNs| seconds_between(last.t_ns, *t_ns).abs() < GAP_AT_NET_MAX_S;
-    let t_ns = arc.times_at_level(1, court::NET_Y_M).into_iter().find(is_near)?;
-    let State { position_m, velocity_m_s } = arc.state_at(t_ns);
-    let [_, [_, height_m2]] = crossing_covariance(&arc.covariance_at(t_ns), &velocity_m_s, 1);
-    Some(NetCrossing { height_m: position_m.z, sigma_m: height_m2.sqrt() })
+    let there = flight.passing(1, court::NET_Y_M, 0.0)?;
+    let apart_s = |s| (flight.at(s).t_s - there.t_s).abs();
+    let is_seen = flight.before().iter().any(|s| apart_s(s) < GAP_AT_NET_MAX_S);
+    let sigma_m = flight.position_covariance_m2(&there)[(2, 2)].sqrt();
+    is_seen.then_some(NetCrossing { height_m: there.position_m.z, sigma_m })
 }
 
-/// Every point that is no outlier on the arc around it, and the residuals of all of them.
-fn track_from(flight: &Flight, rig: &Rig) -> (Vec<TrackPoint>, [Option<f64>; 2]) {
-    let mut track = Vec::new();
-    let mut squares_px2 = [0.0; 2];
-    for point in flight.before.iter().chain(flight.after) {
-        let Some(arc) = flight.arc_around(point.t_ns).filter(|arc| !arc.is_outlier(point)) else {
-            continue;
-        };
-        for (camera, sighting) in Camera::BOTH.into_iter().zip([point.left, point.right]) {
-            let ball = arc.state_at(sighting.t_ns).position_m;
-            squares_px2[camera.idx()] += match rig.raw_from_tracking(camera, &ball) {
-                Some(pixel) => squared_distance_px2(pixel, sighting.raw),
-                None => f64::NAN,
-            };
-        }
-        let State { position_m, velocity_m_s } = arc.state_at(point.t_ns);
-        let covariance = arc.covariance_at(point.t_ns);
-        track.push(TrackPoint {
-            t_ns: point.t_ns,
-            position_m,
-            velocity_m_s,
-            sigma_m: Vector3::from_fn(|i, _| covariance[(i, i)].sqrt()),
-            left_px: point.left.raw,
-            right_px: point.right.raw,
-        });
-    }
-    let n = track.len() as f64;
-    let residual_px = squares_px2.map(|sum_px2| (n > 0.0).then(|| (sum_px2 / n).sqrt()));
-    (track, residual_px)
-}
-
-fn squared_distance_px2(a: RawPixel, b: RawPixel) -> f64 {
-    (a.x_px - b.x_px).powi(2) + (a.y_px - b.y_px).powi(2)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::pretend;
-
-    fn path(points: &[Point]) -> Path {
-        let point_ids = (0..points.len() as u64).collect();
-        Path { points: points.to_vec(), point_ids, score: 0.0 }
-    }
-
-    #[test]
-    fn a_noise_free_flight_gives_back_its_launch_net_and_bounce() {
-        let points = pretend::bouncing_points();
-        // From where the reference rig sees it on.
-        let verdict = from_path(&path(&points[24..]), &pretend::reference_rig(), None);
-        let Verdict::Shot(shot) = verdict else { panic!("{verdict:?}") };
-        assert_eq!(shot.outcome, Outcome::Measured);
-        let (launch, serve) = (shot.launch.unwrap(), pretend::THESIS_SERVE);
-        assert!((launch.velocity_m_s.norm() - serve.speed_m_s).abs() < 0.05, "{launch:?}");
-        assert!((launch.position_m - Point3::new(0.0, 0.0, 1.0)).norm() < 0.02, "{launch:?}");
-        let direction = launch.direction.unwrap();
-        assert!((direction.elevation_rad - serve.elevation_rad).abs() < 2e-3);
-        assert!(direction.azimuth_rad.abs() < 1e-6);
-        let [before, after] = [0, 1].map(|i| {
-            let next = points.iter().position(|p| p.position_m.y > court::NET_Y_M).unwrap();
-            points[next - 1 + i].position_m
-        });
-        let part = (court::NET_Y_M - before.y) / (after.y - before.y);
-        let net_m = before.z + part * (after.z - before.z);
-        assert!((shot.net.unwrap().height_m - net_m).abs() < 2e-3);
-        assert_eq!(shot.track.len(), points.len() - 24);
-        let residuals = shot.residual_px.map(Option::unwrap);
-        assert!(residuals.iter().all(|&px| px < 0.05), "{residuals:?}");
-    }
-
-    #[test]
-    fn what_is_no_launch_is_rejected_with_its_reason() {
-        let rig = pretend::reference_rig();
-        let points = pretend::bouncing_points();
-        let reversed: Vec<Point> = (24..80)
-            .map(|i| Point { position_m: points[104 - i].position_m, ..points[i] })
-            .collect();
-        let shadow: Vec<Point> = (24..80)
-            .map(|i| Point {
-                position_m: Point3::new(
-                    points[i].position_m.x,
-                    points[i].position_m.y,
-                    0.01 * (i % 3) as f64,
-                ),
-                ..points[i]
-            })
-            .collect();
-        let seen = Some(LastSeen { t_ns: points[89].t_ns, y_m: 21.0 });
-        for (points, last_seen, expected) in [
-            (&points[..5], None, Rejection::TooShort),
-            (&points[24..33], None, Rejection::TooShort),
-            (&points[90..], None, Rejection::NotFromLauncher),
-            (&points[90..], seen, Rejection::SameBall),
-            (&reversed[..], None, Rejection::AwayFromNet),
-            (&shadow[..], None, Rejection::OnGround),
-        ] {
-            let verdict = from_path(&path(points), &rig, last_seen);
-            assert_eq!(verdict, Verdict::Rejected(expected));
-        }
-    }
-
-    #[test]
-    fn a_shot_that_is_not_whole_says_why() {
-        let rig = pretend::reference_rig();
-        let points = pretend::bouncing_points();
-        for (points, expected) in
-            [(&points[24..36], Outcome::TooFewPoints), (&points[24..80], Outcome::NoBounceSeen)]
+/// One point per left sighting and per right sighting that has no left one at its instant.
+fn track_from(flight: &Flight) -> Vec<TrackPoint> {
+    let mut track: Vec<TrackPoint> = Vec::with_capacity(flight.sightings().len());
+    for sighting in flight.sightings() {
+        let instant: Instant = flight.at(sighting);
+        let t_ns = flight.t_ns(&instant);
+        let raw = Some(sighting.raw);
+        if let Some(last) = track.last_mut()
+            && last.t_ns.abs_diff(t_ns) < SAME_INSTANT_NS
         {
-            let verdict = from_path(&path(points), &rig, None);
-            let Verdict::Shot(shot) = verdict else { panic!("{verdict:?}") };
-            assert_eq!((shot.outcome, &shot.bounce), (expected, &None));
+            match sighting.camera {
+                Camera::Left => last.left_px = last.left_px.or(raw),
+                Camera::Right => last.right_px = last.right_px.or(raw),
+            }
+            continue;
         }
+        let is_left = sighting.camera == Camera::Left;
+        track.push(TrackPoint {
+            t_ns,
+            position_m: instant.position_m,
+            velocity_m_s: instant.velocity_m_s,
+            sigma_m: flight.position_covariance_m2(&instant).diagonal().map(f64::sqrt),
+            left_px: raw.filter(|_| is_left),
+            right_px: raw.filter(|_| !is_left),
+        });
     }
+    track
 }
+
+/// Sightings of both cameras nearer in time than this are one instant: the ball moves 5 mm.
+const SAME_INSTANT_NS: u64 = 200_000;

@@ -1,27 +1,34 @@
 //! Shots -> the document `shots/1`: what `track --json` writes.
 //!
 //! The only place where this room uses degrees. What was not observed is `null`, never a guess:
-//! spin, and the clocks' difference, are not estimated from an arc, so they are always `null` here.
-//! A number that is not finite becomes `null` too.
+//! a quadratic tells neither spin nor the clocks' difference. A number that is not finite becomes
+//! `null` too.
 
-use crate::flight::Bounce;
 use crate::intake::FrameCounts;
 use crate::launch::Launch;
-use crate::shot::{Shot, TrackPoint};
+use crate::shot::{Bounce, ClockOffset, Shot, TrackPoint};
+use crate::world::camera::RawPixel;
 use nalgebra::Vector3;
 use serde::Serialize;
 use shm_layout::{Camera, StampNs};
 
 /// The whole document, indented; counts are left, right, None for a camera that is absent.
 #[must_use]
-pub fn text_from(shots: &[Shot], frames: [Option<FrameCounts>; 2]) -> String {
+pub fn text_from(
+    shots: &[Shot],
+    frames: [Option<FrameCounts>; 2],
+    clock: Option<ClockOffset>,
+) -> String {
     let document = Document {
         schema: "shots/1",
         frames: FramesView {
             left: frames[Camera::Left.idx()].into(),
             right: frames[Camera::Right.idx()].into(),
         },
-        clock: ClockView { right_minus_left_ms: None, sigma_ms: None },
+        clock: ClockView {
+            right_minus_left_ms: clock.map(|clock| clock.right_minus_left_s * 1e3),
+            sigma_ms: clock.map(|clock| clock.sigma_s * 1e3),
+        },
         shots: shots.iter().map(ShotView::from).collect(),
     };
     serde_json::to_string_pretty(&document).expect("the views have text keys and plain values")
@@ -156,12 +163,12 @@ impl From<&Launch> for LaunchView {
             speed_m_s: launch.velocity_m_s.norm(),
             elevation_deg: degrees(direction.map(|d| d.elevation_rad)),
             azimuth_deg: degrees(direction.map(|d| d.azimuth_rad)),
-            spin_rpm: None,
+            spin_rpm: launch.spin.map(|spin| rpm(spin.backspin_rad_s)),
             sigma: LaunchSigmaView {
                 speed_m_s: launch.speed_sigma_m_s,
                 elevation_deg: degrees(direction.map(|d| d.elevation_sigma_rad)),
                 azimuth_deg: degrees(direction.map(|d| d.azimuth_sigma_rad)),
-                spin_rpm: None,
+                spin_rpm: launch.spin.map(|spin| rpm(spin.sigma_rad_s)),
             },
         }
     }
@@ -186,15 +193,24 @@ impl From<&TrackPoint> for TrackPointView {
             position_m: point.position_m.coords.into(),
             velocity_m_s: point.velocity_m_s.into(),
             sigma_m: point.sigma_m.into(),
-            left_px: Some([point.left_px.x_px, point.left_px.y_px]),
-            right_px: Some([point.right_px.x_px, point.right_px.y_px]),
+            left_px: point.left_px.map(pair),
+            right_px: point.right_px.map(pair),
         }
     }
+}
+
+fn pair(pixel: RawPixel) -> [f64; 2] {
+    [pixel.x_px, pixel.y_px]
+}
+
+fn rpm(spin_rad_s: f64) -> f64 {
+    spin_rad_s * 60.0 / std::f64::consts::TAU
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::launch::Spin;
     use crate::shot::Outcome;
     use nalgebra::Point3;
     use serde_json::{Value, json};
@@ -207,13 +223,14 @@ mod tests {
             net: None,
             track: Vec::new(),
             residual_px: [None, None],
+            clock: None,
         }
     }
 
     #[test]
     fn what_was_not_observed_is_null_and_an_absent_camera_is_empty() {
         let counts = FrameCounts { captured: 157, processed: 156, lost: 1 };
-        let text = text_from(&[empty_shot()], [Some(counts), None]);
+        let text = text_from(&[empty_shot()], [Some(counts), None], None);
         let value: Value = serde_json::from_str(&text).unwrap();
         let expected = json!({
             "schema": "shots/1",
@@ -238,16 +255,18 @@ mod tests {
         let launch = Launch {
             t_ns: 5,
             position_m: Point3::new(0.0, 0.0, 1.0),
+            height_sigma_m: 0.05,
             velocity_m_s: Vector3::new(0.0, 3.0, 4.0),
             speed_sigma_m_s: 0.1,
             direction: Some(direction),
+            spin: Some(Spin { backspin_rad_s: -std::f64::consts::TAU, sigma_rad_s: 0.5 }),
         };
         let shot = Shot { launch: Some(launch), ..empty_shot() };
         let value: Value = serde_json::from_str(&text_from_shot(&shot)).unwrap();
         let launch = &value["launch"];
         assert_eq!(launch["speed_m_s"], 5.0);
         assert_eq!(launch["elevation_deg"], 0.1_f64.to_degrees());
-        assert_eq!(launch["spin_rpm"], Value::Null);
+        assert!((launch["spin_rpm"].as_f64().unwrap() + 60.0).abs() < 1e-9);
         assert_eq!(launch["sigma"]["elevation_deg"], Value::Null);
         assert_eq!(launch["sigma"]["azimuth_deg"], Value::Null);
     }

@@ -1,375 +1,221 @@
-//! Points of consecutive instants -> tracklets: short runs one ballistic motion explains.
+//! Seeds + frames -> tracklets: balls that are being followed, sighting by sighting.
 //!
-//! Shift-token transfer (thesis 8.1) in windows of instants that overlap. A seed is a pair of
-//! points up to three instants apart at a possible speed; from it the next position is predicted
-//! ([`crate::motion`], Eq 24 mended), the best point within the gates becomes a token, and so on
-//! until `MAX_MISSES` predictions in a row find nothing.
+//! The thesis' shift-token transfer (8.1), incremental: in every frame of either camera each
+//! tracklet says where it expects its ball ([`Motion`]), takes the spot that fits best within its
+//! gate as a token, and goes on without one if there is none. On the ground it bounces
+//! ([`Motion::bounced`]) and goes on with the doubt a bounce brings. A tracklet ends when it has
+//! found nothing for [`SILENCE_S`] or is out of both images.
 //!
-//! **Score** (Eq 25), of the *step* from the last token to the expected and to the actual point:
-//! `S = e^(−r/dM) + e^(−θ/π) + e^(−φ/π)`, r their distance, θ and φ the change of azimuth and of
-//! elevation. The thesis takes θ and φ of the difference *vector*, whose direction is random just
-//! when the hit is good; a perfect hit scored 1.74 where 3 was meant, and the worst one 1.34, above
-//! its threshold of 1. Here a perfect hit scores 3. `dM` is what the fastest ball covers since the
-//! last token. Beyond `r ≤ dM` a token must lie within `GATE_SIGMAS` of the prediction.
+//! In place of Eq 25's score, which never rejected anything, a token has to be within the gate of a
+//! prediction that knows its own doubt. One token per frame and tracklet, the worthiest tracklet
+//! first; its spots are claimed, so that nothing else grows on them.
 //!
-//! Also otherwise: one best point per token in place of recursion over all (exponential); seeds at
-//! any instant of the window, not only its first three; missed instants cost
-//! `MISS_PENALTY`, they were free.
-//!
-//! **Limits**, all dropping the least: [`MAX_POINTS`] per instant, [`MAX_SEEDS`] and
-//! [`MAX_TRACKLETS`] per window. With 20 false spots per camera a window takes about 10 ms.
+//! **Cost** per frame: tracklets (at most [`MAX_TRACKLETS`]) times the spots of a few rows.
 
-use crate::motion::{Motion, azimuth_elevation_rad, seconds_between};
-use crate::points::{Point, PointFrame};
-use crate::world::ball::{Physics, State};
-use crate::{Dropped, Settings};
-use shm_layout::StampNs;
-use std::collections::{HashSet, VecDeque};
-use std::f64::consts::PI;
+use crate::Dropped;
+use crate::history::{History, SpotId};
+use crate::motion::{Motion, World, seconds_between};
+use crate::seeds::{DETECTED, Seed};
+use shm_layout::{Camera, StampNs};
 
-/// Most points of one instant, best pair first.
-pub const MAX_POINTS: usize = 32;
+/// Most balls followed at a time; those worth least are dropped and counted.
+pub const MAX_TRACKLETS: usize = 16;
 
-/// Most seeds tried in one window, earliest first.
-pub const MAX_SEEDS: usize = 4096;
+/// A tracklet that finds nothing for this long has ended: 27 frames at 90 Hz.
+pub const SILENCE_S: f64 = 0.3;
 
-/// Most tracklets of one window, highest score first.
-pub const MAX_TRACKLETS: usize = 32;
+/// Most tokens of a tracklet; 4 s of two cameras at 128 Hz.
+const MAX_TOKENS: usize = 1024;
 
-/// Fewest tokens worth keeping: the seed's two and two that confirm it.
-pub const MIN_TOKENS: usize = 4;
+/// Mahalanobis distance of a token from where it is expected: 99.97 % of good ones are nearer.
+const GATE_SIGMAS: f64 = 4.0;
 
-/// Predictions in a row that may find nothing. The thesis allows three; with 30 % of balls missed
-/// by each camera half the pairs are missing, and five bring 199 of 200 shots home instead of 195.
-const MAX_MISSES: usize = 5;
+/// An expectation more doubtful than this finds everything.
+const DOUBT_MAX_PX: f64 = 25.0;
 
-/// Instants the second point of a seed may be ahead.
-const MAX_SEED_STEP: usize = 3;
+/// Tokens after a bounce, and for how long, that make it certain.
+const N_AFTER_BOUNCE: usize = 6;
+const AFTER_BOUNCE_S: f64 = 0.04;
 
-/// Score lost per instant without a token.
-const MISS_PENALTY: f64 = 0.3;
+/// Worth of a tracklet is not counted beyond this, so that an old one dies as soon as a young one.
+const WORTH_MAX: f64 = 100.0;
 
-/// Speeds of a ball in play: a rolling one is no longer of interest, 60 m/s is a first serve.
-const SPEED_RANGE_M_S: std::ops::RangeInclusive<f64> = 5.0..=60.0;
-
-/// Longest time between two tokens, whatever the frame rate.
-const STEP_MAX_S: f64 = 0.12;
-
-/// Mahalanobis gate: five sigma leave room for a pixel sigma that was guessed.
-const GATE_SIGMAS: f64 = 5.0;
-
-/// Least Eq 25 score of a token: at the edge of `dM`, a step in the right direction.
-const SCORE_MIN: f64 = 2.0;
-
-/// An instant this long after the last one begins a new window: nothing is carried across.
-const GAP_MAX_S: f64 = 0.5;
-
-/// A point of a tracklet and what it scored.
-#[derive(Debug, Clone, PartialEq)]
+/// A spot that is the ball.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Token {
-    /// Which point: the same in every window that holds it.
-    pub point_id: u64,
-    /// The point.
-    pub point: Point,
-    /// Eq 25, less what was missed before it; 0 for a seed, which nothing predicted.
-    pub score: f64,
+    /// Which spot.
+    pub id: SpotId,
+    /// When, on the camera's clock.
+    pub t_ns: StampNs,
+    /// Bounces before it.
+    pub n_bounces: u32,
 }
 
-/// Tokens in order of time, at least [`MIN_TOKENS`].
+/// A ball that is followed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracklet {
-    /// The tokens.
+    /// Its tokens in order of time.
     pub tokens: Vec<Token>,
-    /// Motion at the first token.
-    pub head: Motion,
-    /// Motion at the last token.
-    pub tail: Motion,
+    /// At the last token.
+    pub motion: Motion,
+    /// Just before the first bounce.
+    pub falling: Option<Motion>,
+    /// Whether it has been judged already.
+    pub is_told: bool,
+    worth: f64,
+    n_bounces: u32,
+    last_ns: StampNs,
 }
 
 impl Tracklet {
-    fn from_tokens(tokens: Vec<Token>, physics: &Physics) -> Option<Self> {
-        let points = || tokens.iter().map(|token| &token.point);
-        let head = Motion::from_points(points(), physics)?;
-        let tail = Motion::from_points(points().rev(), physics)?;
-        Some(Self { tokens, head, tail })
-    }
-
-    /// Time of the first token.
-    #[must_use]
-    pub fn start_ns(&self) -> StampNs {
-        self.head.t_ns
-    }
-
-    /// Time of the last token.
-    #[must_use]
-    pub fn end_ns(&self) -> StampNs {
-        self.tail.t_ns
-    }
-
-    /// Sum of the tokens' scores.
-    #[must_use]
-    pub fn score(&self) -> f64 {
-        self.tokens.iter().map(|token| token.score).sum()
-    }
-}
-
-struct Instant {
-    t_ns: StampNs,
-    points: Vec<(u64, Point)>,
-}
-
-/// A token by its place in the window.
-#[derive(Clone, Copy)]
-struct Place {
-    instant_idx: usize,
-    point_idx: usize,
-    score: f64,
-}
-
-/// Collects instants into overlapping windows and finds the tracklets of each.
-#[derive(Default)]
-pub struct Windows {
-    instants: VecDeque<Instant>,
-    n_new: usize,
-    next_point_id: u64,
-}
-
-impl Windows {
-    /// Takes an instant in; gives out the tracklets of a window whenever one is full.
-    pub fn update(
-        &mut self,
-        frame: PointFrame,
-        physics: &Physics,
-        settings: &Settings,
-        dropped: &mut Dropped,
-    ) -> Option<Vec<Tracklet>> {
-        let last_ns = self.instants.back().map(|last| last.t_ns);
-        let is_apart =
-            last_ns.is_some_and(|last_ns| seconds_between(last_ns, frame.t_ns) > GAP_MAX_S);
-        let before = if is_apart { self.finish(physics, dropped) } else { None };
-        self.push(frame, dropped);
-        if self.instants.len() < settings.n_window_frames {
-            return before;
-        }
-        let mut found = before.unwrap_or_default();
-        found.extend(self.tracklets(physics, dropped));
-        let n_kept = settings.n_overlap_frames.min(settings.n_window_frames.saturating_sub(1));
-        self.instants.drain(..self.instants.len() - n_kept);
-        self.n_new = 0;
-        Some(found)
-    }
-
-    /// No more instants will come: the tracklets of what is left. None if that is nothing new.
-    pub fn finish(&mut self, physics: &Physics, dropped: &mut Dropped) -> Option<Vec<Tracklet>> {
-        let found = (self.n_new > 0).then(|| self.tracklets(physics, dropped));
-        self.instants.clear();
-        self.n_new = 0;
-        found
-    }
-
-    fn push(&mut self, frame: PointFrame, dropped: &mut Dropped) {
-        let ids = self.next_point_id..;
-        dropped.n_points_beyond_max += frame.points.len().saturating_sub(MAX_POINTS) as u64;
-        let points: Vec<(u64, Point)> =
-            ids.zip(frame.points.into_iter().take(MAX_POINTS)).collect();
-        self.next_point_id += points.len() as u64;
-        self.instants.push_back(Instant { t_ns: frame.t_ns, points });
-        self.n_new += 1;
-    }
-
-    fn tracklets(&self, physics: &Physics, dropped: &mut Dropped) -> Vec<Tracklet> {
-        let mut found: Vec<Vec<Place>> = Vec::new();
-        let mut explained: HashSet<[u64; 2]> = HashSet::new();
-        let mut n_seeds = 0;
-        for seed in self.seeds() {
-            let ids = seed.map(|place| self.point(place).0);
-            if explained.contains(&ids) {
-                continue;
-            }
-            n_seeds += 1;
-            if n_seeds > MAX_SEEDS {
-                dropped.n_windows_beyond_max_seeds += 1;
-                break;
-            }
-            let places = self.grown(seed, physics);
-            if places.len() < MIN_TOKENS {
-                continue;
-            }
-            // Any two near tokens of it would only grow the same tracklet again.
-            for (i, a) in places.iter().enumerate() {
-                for b in places.iter().skip(i + 1).take(MAX_SEED_STEP) {
-                    explained.insert([self.point(*a).0, self.point(*b).0]);
-                }
-            }
-            found.push(places);
-        }
-        let mut tracklets: Vec<Tracklet> = found
-            .into_iter()
-            .filter_map(|places| Tracklet::from_tokens(self.tokens(&places), physics))
-            .collect();
-        tracklets.sort_by(|a, b| b.score().total_cmp(&a.score()));
-        dropped.n_tracklets_beyond_max += tracklets.len().saturating_sub(MAX_TRACKLETS) as u64;
-        tracklets.truncate(MAX_TRACKLETS);
-        tracklets
-    }
-
-    /// Pairs of points at a possible speed, in order of time.
-    fn seeds(&self) -> impl Iterator<Item = [Place; 2]> + '_ {
-        let places_at = |instant_idx: usize| {
-            let n = self.instants.get(instant_idx).map_or(0, |instant| instant.points.len());
-            (0..n).map(move |point_idx| Place { instant_idx, point_idx, score: 0.0 })
-        };
-        (0..self.instants.len())
-            .flat_map(places_at)
-            .flat_map(move |first| {
-                (1..=MAX_SEED_STEP)
-                    .flat_map(move |ahead| places_at(first.instant_idx + ahead))
-                    .map(move |second| [first, second])
-            })
-            .filter(|[first, second]| {
-                let [a, b] = [self.point(*first).1, self.point(*second).1];
-                let dt_s = seconds_between(a.t_ns, b.t_ns);
-                let distance_m = (b.position_m - a.position_m).norm();
-                dt_s <= STEP_MAX_S && SPEED_RANGE_M_S.contains(&(distance_m / dt_s))
-            })
-    }
-
-    /// Shift-token transfer: the seed, and the best point of every further instant.
-    fn grown(&self, seed: [Place; 2], physics: &Physics) -> Vec<Place> {
-        let mut places = seed.to_vec();
-        let mut n_missed = 0;
-        let mut motion = self.motion(&places, physics);
-        for instant_idx in seed[1].instant_idx + 1..self.instants.len() {
-            let Some(known) = &motion else { break };
-            match self.best_in(instant_idx, known, physics) {
-                Some(mut place) => {
-                    place.score -= MISS_PENALTY * n_missed as f64;
-                    places.push(place);
-                    n_missed = 0;
-                    motion = self.motion(&places, physics);
-                }
-                None => n_missed += 1,
-            }
-            if n_missed > MAX_MISSES {
-                break;
-            }
-        }
-        places
-    }
-
-    fn motion(&self, places: &[Place], physics: &Physics) -> Option<Motion> {
-        Motion::from_points(places.iter().rev().map(|place| &self.point(*place).1), physics)
-    }
-
-    /// The point of an instant that goes on best from `motion`, if any is within the gates.
-    fn best_in(&self, instant_idx: usize, motion: &Motion, physics: &Physics) -> Option<Place> {
-        let instant = &self.instants[instant_idx];
-        if seconds_between(motion.t_ns, instant.t_ns) > STEP_MAX_S {
-            return None;
-        }
-        let mut best: Option<Place> = None;
-        for (point_idx, (_, point)) in instant.points.iter().enumerate() {
-            if let Some(score) = score(motion, point, physics)
-                && best.is_none_or(|best| score > best.score)
-            {
-                best = Some(Place { instant_idx, point_idx, score });
-            }
-        }
-        best
-    }
-
-    fn point(&self, place: Place) -> &(u64, Point) {
-        &self.instants[place.instant_idx].points[place.point_idx]
-    }
-
-    fn tokens(&self, places: &[Place]) -> Vec<Token> {
-        places
+    /// Runs along a seed's hits; None if they are no motion.
+    fn from_seed(seed: &Seed, history: &History, world: &World) -> Option<Self> {
+        let mut hits: Vec<(StampNs, SpotId)> = seed
+            .hits
             .iter()
-            .map(|place| {
-                let (point_id, point) = *self.point(*place);
-                Token { point_id, point, score: place.score }
-            })
-            .collect()
-    }
-}
-
-/// Eq 25 as mended above; None outside the gates.
-fn score(motion: &Motion, point: &Point, physics: &Physics) -> Option<f64> {
-    let dt_s = seconds_between(motion.t_ns, point.t_ns);
-    let reach_m = SPEED_RANGE_M_S.end() * dt_s;
-    let actual = point.position_m - motion.state.position_m;
-    if dt_s <= 0.0 || actual.norm() > 2.0 * reach_m {
-        return None; // cheap, before anything is predicted
-    }
-    let (State { position_m, .. }, covariance) = motion.predicted(point.t_ns, physics);
-    let expected = position_m - motion.state.position_m;
-    let miss = actual - expected;
-    let cholesky = (covariance + point.covariance_m2).cholesky()?;
-    let is_near = miss.dot(&cholesky.solve(&miss)) <= GATE_SIGMAS.powi(2);
-    let r_m = miss.norm();
-    let [azimuth, elevation] = azimuth_elevation_rad(&actual);
-    let [azimuth_expected, elevation_expected] = azimuth_elevation_rad(&expected);
-    let turn = (azimuth - azimuth_expected).abs();
-    let theta = turn.min(2.0 * PI - turn);
-    let phi = (elevation - elevation_expected).abs();
-    let score = (-r_m / reach_m).exp() + (-theta / PI).exp() + (-phi / PI).exp();
-    (is_near && r_m <= reach_m && score >= SCORE_MIN).then_some(score)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::pretend;
-
-    /// One point per instant along a flight, with every `n`th left out.
-    fn tracklets_of(points: Vec<Point>, is_seen: impl Fn(usize) -> bool) -> Vec<Tracklet> {
-        let physics = pretend::reference_rig().physics();
-        let settings = Settings::default();
-        let (mut windows, mut dropped) = (Windows::default(), Dropped::default());
-        let mut found = Vec::new();
-        for (i, point) in points.into_iter().enumerate() {
-            let points = if is_seen(i) { vec![point] } else { vec![] };
-            let frame = PointFrame { t_ns: point.t_ns, points };
-            found.extend(windows.update(frame, &physics, &settings, &mut dropped));
+            .filter_map(|&id| Some((world.left_ns(id.camera, history.sighting(id)?.t_ns), id)))
+            .collect();
+        hits.sort_unstable_by_key(|(t_ns, id)| (*t_ns, id.camera, id.serial));
+        let (first_ns, _) = *hits.first()?;
+        let state = world.physics.propagated(seed.state, seconds_between(seed.t_ns, first_ns));
+        let mut tracklet = Self {
+            tokens: Vec::with_capacity(64),
+            motion: Motion::new(first_ns, state, world),
+            falling: None,
+            is_told: false,
+            worth: seed.worth.min(WORTH_MAX),
+            n_bounces: 0,
+            last_ns: first_ns,
+        };
+        for (_, id) in hits {
+            let sighting = history.sighting(id)?;
+            // The stamp of a spot is that of its row.
+            let Some((there, expected)) = tracklet.motion.expected_at(sighting, world) else {
+                continue;
+            };
+            let off = expected.off_px(sighting);
+            let inverse = expected.innovation_px2(sighting).try_inverse()?;
+            if off.dot(&(inverse * off)) > GATE_SIGMAS * GATE_SIGMAS {
+                continue;
+            }
+            tracklet.motion = there;
+            tracklet.motion.update(&expected, sighting);
+            tracklet.push(id, sighting.t_ns);
         }
-        found.extend(windows.finish(&physics, &mut dropped));
-        found.into_iter().flatten().collect()
+        Some(tracklet)
     }
 
-    #[test]
-    fn a_perfect_hit_scores_three() {
-        let physics = pretend::reference_rig().physics();
-        let mut points = pretend::exact_points(6);
-        let motion = Motion::from_points(points[..5].iter().rev(), &physics).unwrap();
-        let (state, _) = motion.predicted(points[5].t_ns, &physics);
-        points[5].position_m = state.position_m;
-        assert!((score(&motion, &points[5], &physics).unwrap() - 3.0).abs() < 1e-9);
-        points[5].position_m.x += 1.0;
-        assert_eq!(score(&motion, &points[5], &physics), None);
+    fn push(&mut self, id: SpotId, t_ns: StampNs) {
+        if self.tokens.len() < MAX_TOKENS {
+            self.tokens.push(Token { id, t_ns, n_bounces: self.n_bounces });
+        }
+        self.last_ns = self.last_ns.max(t_ns);
     }
 
-    #[test]
-    fn windows_overlap_and_share_their_tokens() {
-        let found = tracklets_of(pretend::exact_points(60), |_| true);
-        let lengths: Vec<usize> = found.iter().map(|tracklet| tracklet.tokens.len()).collect();
-        assert_eq!(lengths, [30, 30, 10]);
-        let last = found[0].tokens[25].point_id;
-        assert_eq!(found[1].tokens[0].point_id, last, "five instants are in both windows");
+    /// Time of the last token, on its camera's clock.
+    #[must_use]
+    pub fn last_ns(&self) -> StampNs {
+        self.last_ns
     }
 
-    #[test]
-    fn five_misses_are_bridged_and_six_are_not() {
-        let bridged = tracklets_of(pretend::exact_points(28), |i| !(10..15).contains(&i));
-        assert_eq!(bridged.iter().map(|t| t.tokens.len()).collect::<Vec<_>>(), [23]);
-        let broken = tracklets_of(pretend::exact_points(28), |i| !(10..16).contains(&i));
-        assert_eq!(broken.iter().map(|t| t.tokens.len()).collect::<Vec<_>>(), [12, 10]);
+    /// Whether enough was seen after a bounce to be sure of it.
+    #[must_use]
+    pub fn has_bounced(&self) -> bool {
+        let mut after = self.tokens.iter().filter(|token| token.n_bounces > 0);
+        let first_ns = after.next().map(|token| token.t_ns);
+        let n_after = 1 + after.count();
+        n_after >= N_AFTER_BOUNCE
+            && first_ns.is_some_and(|ns| seconds_between(ns, self.last_ns) >= AFTER_BOUNCE_S)
     }
 
-    #[test]
-    fn what_stands_still_is_no_seed() {
-        let mut points = pretend::exact_points(40);
-        let place = points[0].position_m;
-        points.iter_mut().for_each(|point| point.position_m = place);
-        assert!(tracklets_of(points, |_| true).is_empty());
+    /// Whether it will find nothing more.
+    #[must_use]
+    pub fn has_ended(&self, now_ns: StampNs) -> bool {
+        seconds_between(self.last_ns, now_ns) > SILENCE_S
+    }
+
+    /// Looks for its ball in a camera's newest frame.
+    fn update(&mut self, camera: Camera, history: &mut History, world: &World) {
+        let Some(newest) = history.newest(camera) else { return };
+        let mut motion = self.motion.clone();
+        let mut has_bounced = false;
+        if let Some(touch_ns) = motion.touches_before_ns(world.left_ns(camera, newest.t_ns), world) {
+            let Some(after) = motion.bounced(touch_ns, world) else { return };
+            (motion, has_bounced) = (after, true);
+        }
+        let Some((there, expected)) = motion.expected(camera, newest.t_ns, world) else { return };
+        let doubt = expected.covariance_px2;
+        if doubt.trace().sqrt() > DOUBT_MAX_PX {
+            return;
+        }
+        let reach_px = GATE_SIGMAS * (doubt[(1, 1)] + 4.0).sqrt();
+        let row_px = expected.pixel_px.y;
+        let mut best: Option<(f64, usize)> = None;
+        for (idx, spot) in newest.spots_in([row_px - reach_px, row_px + reach_px]) {
+            if newest.is_claimed(idx) {
+                continue;
+            }
+            let innovation = expected.innovation_px2(&spot.sighting);
+            let off = expected.off_px(&spot.sighting);
+            let Some(inverse) = innovation.try_inverse() else { continue };
+            let square = off.dot(&(inverse * off));
+            if square <= GATE_SIGMAS * GATE_SIGMAS && best.is_none_or(|(least, _)| square < least) {
+                best = Some((square, idx));
+            }
+        }
+        let Some((square, idx)) = best else {
+            self.worth += (1.0 - DETECTED).ln();
+            return;
+        };
+        let id = newest.id(idx);
+        let sighting = newest.spots[idx].sighting;
+        if has_bounced {
+            self.n_bounces += 1;
+            self.falling.get_or_insert_with(|| self.motion.clone());
+        }
+        self.motion = there;
+        self.motion.update(&expected, &sighting);
+        self.push(id, sighting.t_ns);
+        self.worth = (self.worth + 5.0 - 0.5 * square).min(WORTH_MAX);
+        history.claim(id);
+    }
+}
+
+/// All balls that are followed.
+#[derive(Default)]
+pub struct Tracklets {
+    /// Worthiest first.
+    pub all: Vec<Tracklet>,
+}
+
+impl Tracklets {
+    /// Follows all balls into a camera's newest frame.
+    pub fn update(&mut self, camera: Camera, history: &mut History, world: &World) {
+        self.all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        for tracklet in &mut self.all {
+            tracklet.update(camera, history, world);
+        }
+        history.count_clutter(camera);
+    }
+
+    /// Takes seeds in, best first; those whose spots are claimed by then are the same ball.
+    pub fn sow(
+        &mut self,
+        seeds: &[Seed],
+        history: &mut History,
+        world: &World,
+        dropped: &mut Dropped,
+    ) {
+        for seed in seeds {
+            if seed.hits.iter().any(|&id| history.is_claimed(id)) {
+                continue;
+            }
+            let Some(tracklet) = Tracklet::from_seed(seed, history, world) else { continue };
+            tracklet.tokens.iter().for_each(|token| history.claim(token.id));
+            self.all.push(tracklet);
+        }
+        self.all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        dropped.n_tracklets_beyond_max += self.all.len().saturating_sub(MAX_TRACKLETS) as u64;
+        self.all.truncate(MAX_TRACKLETS);
     }
 }

@@ -7,7 +7,7 @@ use iceoryx2::prelude::ZeroCopySend;
 /// sigma is NaN too), and the stamp beside it says nothing.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("tennis/Shot/1")]
+#[type_name("tennis/Shot/2")]
 pub struct Shot {
     /// 0, 1, 2 … since fusion started.
     pub shot_idx: u64,
@@ -23,8 +23,10 @@ pub struct Shot {
     pub launch_elevation_rad: f64,
     /// Angle of the launch from +y towards +x.
     pub launch_azimuth_rad: f64,
-    /// 1 sigma of speed (m/s), elevation (rad), azimuth (rad).
-    pub launch_sigma: [f64; 3],
+    /// Backspin at launch; topspin is negative.
+    pub launch_backspin_rad_s: f64,
+    /// 1 sigma of speed (m/s), elevation (rad), azimuth (rad), backspin (rad/s).
+    pub launch_sigma: [f64; 4],
     /// When the ball touched the ground, left camera's clock.
     pub bounce_ns: StampNs,
     /// Ball's centre at the bounce.
@@ -37,4 +39,4 @@ pub struct Shot {
     pub velocity_out_m_s: [f64; 3],
 }
 
-const _: () = assert!(size_of::<Shot>() == 184, "no padding may hide in a shared type");
+const _: () = assert!(size_of::<Shot>() == 200, "no padding may hide in a shared type");

@@ -1,4 +1,4 @@
-//! Path -> flight: split at the first bounce, and arcs (Eq 26) of its parts.
+//! Points -> split flight: cut at the first bounce, and arcs (Eq 26) of its parts.
 //!
 //! **Split.** The thesis splits where "the local acceleration is negative"; at a bounce it is
 //! strongly positive. Here: the vertical speed turns from down to up near the ground, and of the
@@ -25,11 +25,12 @@
 //! 18 mm RMS from a window of 0.35 s, 16 from 0.45 s, 13 from 0.6 s, 12 from 0.75 s; with 0.1 px
 //! and 5 % missed 3.5, 3.1, 3.7 and 5.3 mm, where the model shows.
 
-use crate::arc::{Arc, crossing_covariance};
+use crate::quadratic::arc::{Arc, crossing_covariance};
+use crate::shot::Bounce;
 use crate::motion::seconds_between;
 use crate::points::Point;
 use crate::world::ball::{GRAVITY_M_S2, Physics};
-use nalgebra::{Matrix2, Point3, Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2};
 use shm_layout::StampNs;
 
 /// The part of a flight its bounce is extrapolated from.
@@ -69,24 +70,9 @@ const TURN_COST_MAX: f64 = 16.0;
 /// Crossing and turn may differ by this: a rig whose ground is 10 cm off at 16° of descent.
 const CROSSING_SLACK_S: f64 = 0.06;
 
-/// Where the ball touched the ground.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Bounce {
-    /// When.
-    pub t_ns: StampNs,
-    /// The ball's centre, court.
-    pub position_m: Point3<f64>,
-    /// Covariance of x and y.
-    pub covariance_m2: [[f64; 2]; 2],
-    /// Velocity just before.
-    pub velocity_in_m_s: Vector3<f64>,
-    /// Velocity just after; None if too little was seen of what followed.
-    pub velocity_out_m_s: Option<Vector3<f64>>,
-}
-
-/// A path, split at its first bounce.
+/// The points of a path, split at its first bounce.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Flight<'a> {
+pub struct Split<'a> {
     /// What bends it.
     pub physics: Physics,
     /// Up to the bounce, or all.
@@ -95,10 +81,10 @@ pub struct Flight<'a> {
     pub after: &'a [Point],
 }
 
-impl<'a> Flight<'a> {
+impl<'a> Split<'a> {
     /// Splits a path at its first bounce; without a court there is no ground to bounce on.
     #[must_use]
-    pub fn from_path(points: &'a [Point], is_court_known: bool, physics: Physics) -> Self {
+    pub fn from_points(points: &'a [Point], is_court_known: bool, physics: Physics) -> Self {
         let turn = if is_court_known { first_turn(points) } else { None };
         let (before, after) = points.split_at(turn.unwrap_or(points.len()));
         Self { physics, before, after }
@@ -135,6 +121,8 @@ impl<'a> Flight<'a> {
             covariance_m2: covariance.transpose().into(),
             velocity_in_m_s: state.velocity_m_s,
             velocity_out_m_s: out.map(|arc| arc.state_at(t_ns).velocity_m_s),
+            t_sigma_s: None,
+            velocity_sigma_m_s: None,
         })
     }
 
@@ -273,11 +261,11 @@ mod tests {
         for lost in [0..0, 78..82, 85..90] {
             let seen: Vec<Point> =
                 (0..points.len()).filter(|i| !lost.contains(i)).map(|i| points[i]).collect();
-            let flight = Flight::from_path(&seen, true, physics());
+            let flight = Split::from_points(&seen, true, physics());
             assert!(flight.before.last().unwrap().t_ns <= truth_ns);
             assert!(flight.after.first().unwrap().t_ns >= truth_ns);
         }
-        let flight = Flight::from_path(&points, false, physics());
+        let flight = Split::from_points(&points, false, physics());
         assert!(flight.after.is_empty(), "without a court there is no ground");
     }
 
@@ -285,7 +273,7 @@ mod tests {
     fn an_arc_over_the_bounce_window_is_off_by_millimetres() {
         let truth = pretend::bouncing_truth();
         let points = pretend::bouncing_points();
-        let flight = Flight::from_path(&points, true, physics());
+        let flight = Split::from_points(&points, true, physics());
         let mut no_drag = physics();
         no_drag.ball.mass_kg = f64::INFINITY;
         let error_m = |physics: Physics, window_s: f64| {
@@ -309,11 +297,11 @@ mod tests {
     #[test]
     fn a_bounce_in_a_gap_of_a_third_of_a_second_is_found() {
         let points = pretend::bouncing_points();
-        let bounce = Flight::from_path(&points, true, physics()).bounce(0.033).unwrap();
+        let bounce = Split::from_points(&points, true, physics()).bounce(0.033).unwrap();
         let is_seen = |point: &&Point| seconds_between(bounce.t_ns, point.t_ns).abs() > 0.16;
         let seen: Vec<Point> = points.iter().filter(is_seen).cloned().collect();
         assert!(seen.len() + 20 < points.len(), "the bounce is not in the points");
-        let guessed = Flight::from_path(&seen, true, physics()).bounce(0.033).unwrap();
+        let guessed = Split::from_points(&seen, true, physics()).bounce(0.033).unwrap();
         let off_m = (guessed.position_m - bounce.position_m).norm();
         assert!(off_m < 3.0 * guessed.covariance_m2[1][1].sqrt(), "{off_m} m");
     }
@@ -321,9 +309,9 @@ mod tests {
     #[test]
     fn a_flight_that_ends_in_the_air_has_no_bounce() {
         let points = pretend::bouncing_points();
-        let flight = Flight::from_path(&points[..60], true, physics());
+        let flight = Split::from_points(&points[..60], true, physics());
         assert!(flight.after.is_empty());
         assert_eq!(flight.bounce(0.033), None);
-        assert_eq!(Flight::from_path(&[], true, physics()).launch_arc(), None);
+        assert_eq!(Split::from_points(&[], true, physics()).launch_arc(), None);
     }
 }

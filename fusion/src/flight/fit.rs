@@ -1,0 +1,346 @@
+//! Sightings -> the most likely unknowns, with covariance.
+//!
+//! Maximum likelihood on raw pixels. Every sighting of either camera is compared at its own time
+//! (stamp of its row, less the clocks' difference for the right camera) with the projection of the
+//! ball at that time; nothing is triangulated and nothing is paired. Levenberg-Marquardt with exact
+//! derivatives; the 17 normal equations are solved by faer's Cholesky.
+//!
+//! **Robust**: beyond [`HUBER`] sigmas a sighting pulls only as hard as it would there (Huber), and
+//! what is farther off than a gate was never handed in ([`crate::path`]).
+//!
+//! **Noise**: a detector's own sigmas may be all too small or too large. Once fitted, each camera's
+//! are scaled so that its residuals are as large as they say, and the fit is repeated. So the
+//! covariance means what it says whatever the pixels are worth.
+
+use crate::flight::model::{Model, Row, Span};
+use crate::flight::unknowns::{CLOCK, Column, Covariance, N, Prior, Unknowns};
+use crate::motion::seconds_between;
+use crate::rectified::Sighting;
+use crate::world::ball::Physics;
+use crate::world::rig::Rig;
+use faer::linalg::solvers::{DenseSolveCore as _, Solve as _};
+use nalgebra::{Matrix2, Matrix2x3, Point3, SMatrix, Vector2};
+use shm_layout::{Camera, StampNs};
+
+/// Distance, in sigmas of both axes together, beyond which a sighting pulls no harder. 1.1 % of
+/// good ones lie beyond.
+const HUBER: f64 = 3.0;
+
+/// Most steps of one fit; five to eight are usual.
+const N_STEPS_MAX: usize = 25;
+
+/// A step this small, in sigmas, ends the fit.
+const STEP_MIN: f64 = 1e-3;
+
+/// Damping to begin with, its factors after a good and a bad step, and where to give up.
+const DAMPING: [f64; 4] = [1e-4, 0.2, 8.0, 1e8];
+
+/// Fewest sightings that tell their own noise.
+const N_NOISE_MIN: usize = 12;
+
+/// How far the noise may be from what the detector says.
+const NOISE_RANGE: [f64; 2] = [0.2, 10.0];
+
+/// Unknowns that pixels determine; the others are held by what is known beforehand.
+const N_FROM_PIXELS: f64 = 9.0;
+
+/// How far on either side of the sightings a flight is followed.
+const MARGIN_S: f64 = 0.05;
+
+/// 1 sigma of where the machine lets go of the ball.
+pub const LAUNCHER_SIGMA_M: f64 = 0.05;
+
+/// What is not fitted.
+#[derive(Debug, Clone, Copy)]
+pub struct Scene<'a> {
+    /// The cameras.
+    pub rig: &'a Rig,
+    /// Gravity, air, the ball.
+    pub physics: &'a Physics,
+    /// Where the flight begins, if it is known to begin at the launcher.
+    pub launcher_m: Option<Point3<f64>>,
+    /// Whether the sightings go on after a bounce.
+    pub has_bounce: bool,
+    /// How far before the first and after the last sighting the flight is followed.
+    pub reach_s: [f64; 2],
+}
+
+/// A fitted flight.
+#[derive(Clone)]
+pub struct Fitted {
+    /// Time 0 of the model, left clock.
+    pub reference_ns: StampNs,
+    /// The most likely values.
+    pub unknowns: Unknowns,
+    /// Their covariance.
+    pub covariance: Covariance,
+    /// The flight.
+    pub model: Model,
+    /// Each camera's noise as a multiple of its own sigmas.
+    pub noise: [f64; 2],
+}
+
+impl Fitted {
+    /// Time of a sighting on the model's clock.
+    #[must_use]
+    pub fn time_s(&self, sighting: &Sighting) -> f64 {
+        time_s(sighting, self.reference_ns, &self.unknowns)
+    }
+
+    /// Where a sighting's camera should have seen the ball at its time, the derivative of that by
+    /// all unknowns, and how far off the sighting is; None if the ball is behind the camera.
+    #[must_use]
+    pub fn seen(&self, sighting: &Sighting, rig: &Rig) -> Option<(SMatrix<f64, 2, N>, Vector2<f64>)> {
+        slope_and_off(sighting, self.time_s(sighting), &self.model, rig)
+    }
+
+    /// Mahalanobis distance of a sighting, in sigmas of its own noise and of the fit together, or
+    /// of its own alone.
+    #[must_use]
+    pub fn distance(&self, sighting: &Sighting, rig: &Rig, has_doubt: bool) -> Option<f64> {
+        let (slope, off) = self.seen(sighting, rig)?;
+        let noise = self.noise[sighting.camera.idx()].powi(2);
+        let mut covariance = sighting.covariance_px2 * noise;
+        if has_doubt {
+            covariance += slope * self.covariance * slope.transpose();
+        }
+        Some(off.dot(&(covariance.try_inverse()? * off)).sqrt())
+    }
+}
+
+/// Fits a flight to sightings in order of time; None if the equations have no solution.
+#[must_use]
+pub fn from_sightings(
+    sightings: &[Sighting],
+    reference_ns: StampNs,
+    start: &Unknowns,
+    prior: &Prior,
+    scene: &Scene,
+) -> Option<Fitted> {
+    let mut fit = Fit { sightings, reference_ns, prior, scene, noise: [1.0; 2] };
+    let mut unknowns = fit.minimised(*start)?;
+    if sightings.len() >= N_NOISE_MIN {
+        fit.noise = fit.noise_of(&unknowns)?;
+        unknowns = fit.minimised(unknowns)?;
+        fit.noise = fit.noise_of(&unknowns)?;
+    }
+    let system = fit.system(&unknowns)?;
+    let model = fit.model(&unknowns);
+    let covariance = inverse(&system.normal)?;
+    Some(Fitted { reference_ns, unknowns, covariance, model, noise: fit.noise })
+}
+
+/// The covariance no unbiased estimator is better than (Cramér-Rao, with what is known
+/// beforehand): that of the fit if `truth` is what happened and the sightings' sigmas are right.
+#[must_use]
+pub fn bound(
+    sightings: &[Sighting],
+    reference_ns: StampNs,
+    truth: &Unknowns,
+    prior: &Prior,
+    scene: &Scene,
+) -> Option<Fitted> {
+    let fit = Fit { sightings, reference_ns, prior, scene, noise: [1.0; 2] };
+    let mut normal = prior.information;
+    let model = fit.model(truth);
+    for sighting in sightings {
+        let time_s = time_s(sighting, reference_ns, truth);
+        if let Some((slope, _)) = slope_and_off(sighting, time_s, &model, scene.rig) {
+            normal += slope.transpose() * sighting.covariance_px2.try_inverse()? * slope;
+        }
+    }
+    if let Some((slope, _)) = fit.launcher(&model) {
+        normal += slope.transpose() * slope;
+    }
+    let covariance = inverse(&normal)?;
+    Some(Fitted { reference_ns, unknowns: *truth, covariance, model, noise: [1.0; 2] })
+}
+
+struct Fit<'a> {
+    sightings: &'a [Sighting],
+    reference_ns: StampNs,
+    prior: &'a Prior,
+    scene: &'a Scene<'a>,
+    noise: [f64; 2],
+}
+
+/// Normal equations at some unknowns.
+struct System {
+    normal: Covariance,
+    gradient: Column,
+    cost: f64,
+}
+
+impl Fit<'_> {
+    fn minimised(&self, start: Unknowns) -> Option<Unknowns> {
+        let [mut damping, better, worse, damping_max] = DAMPING;
+        let mut unknowns = start;
+        let mut system = self.system(&unknowns)?;
+        for _ in 0..N_STEPS_MAX {
+            let mut damped = system.normal;
+            for i in 0..N {
+                damped[(i, i)] *= 1.0 + damping;
+            }
+            let step = -solved(&damped, &system.gradient)?;
+            let next = unknowns.plus(&step);
+            match self.system(&next).filter(|next| next.cost <= system.cost) {
+                Some(next_system) => {
+                    let size = step.dot(&(system.normal * step)).max(0.0).sqrt();
+                    (unknowns, system) = (next, next_system);
+                    damping *= better;
+                    if size < STEP_MIN {
+                        break;
+                    }
+                }
+                None => damping *= worse,
+            }
+            if damping > damping_max {
+                break;
+            }
+        }
+        Some(unknowns)
+    }
+
+    /// None if the ball is behind a camera that saw it, or a number is not finite.
+    fn system(&self, unknowns: &Unknowns) -> Option<System> {
+        let model = self.model(unknowns);
+        let off_mean = unknowns.less(&self.prior.mean);
+        let mut normal = self.prior.information;
+        let mut gradient = self.prior.information * off_mean;
+        let mut cost = self.prior.cost(unknowns);
+        for sighting in self.sightings {
+            let time_s = time_s(sighting, self.reference_ns, unknowns);
+            let (slope, off) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
+            let white = self.whitening(sighting)?;
+            let (slope, off) = (white * slope, white * off);
+            let distance = off.norm();
+            let weight = if distance <= HUBER { 1.0 } else { HUBER / distance };
+            cost += if distance <= HUBER {
+                0.5 * distance * distance
+            } else {
+                HUBER * (distance - 0.5 * HUBER)
+            };
+            normal += slope.transpose() * slope * weight;
+            gradient += slope.transpose() * off * weight;
+        }
+        if let Some((slope, off)) = self.launcher(&model) {
+            normal += slope.transpose() * slope;
+            gradient += slope.transpose() * off;
+            cost += 0.5 * off.norm_squared();
+        }
+        cost.is_finite().then_some(System { normal, gradient, cost })
+    }
+
+    fn model(&self, unknowns: &Unknowns) -> Model {
+        let time_of = |sighting: Option<&Sighting>| {
+            sighting.map_or(0.0, |s| seconds_between(self.reference_ns, s.t_ns))
+        };
+        let [before_s, after_s] = self.scene.reach_s;
+        let span = Span {
+            from_s: (time_of(self.sightings.first()) - MARGIN_S - before_s).min(0.0),
+            to_s: (time_of(self.sightings.last()) + MARGIN_S + after_s).max(0.0),
+            has_bounce: self.scene.has_bounce,
+        };
+        Model::new(unknowns, self.scene.physics, &span)
+    }
+
+    /// How far from the launcher the ball passes its plane, x and z, in sigmas.
+    fn launcher(&self, model: &Model) -> Option<(SMatrix<f64, 2, N>, Vector2<f64>)> {
+        let launcher = self.scene.launcher_m?;
+        let first_s = seconds_between(self.reference_ns, self.sightings.first()?.t_ns);
+        let there = model.passing(1, launcher.y, first_s - self.scene.reach_s[0])?;
+        let off = there.position_m - launcher;
+        let rows = [there.d_position.row(0).into_owned(), there.d_position.row(2).into_owned()];
+        let slope = SMatrix::<f64, 2, N>::from_rows(&rows);
+        Some((slope / LAUNCHER_SIGMA_M, Vector2::new(off.x, off.z) / LAUNCHER_SIGMA_M))
+    }
+
+    /// Turns pixels into sigmas.
+    fn whitening(&self, sighting: &Sighting) -> Option<Matrix2<f64>> {
+        let noise = self.noise[sighting.camera.idx()];
+        let lower = sighting.covariance_px2.cholesky()?.l();
+        Some(lower.try_inverse()? / noise)
+    }
+
+    /// Noise of each camera, as a multiple of what its sightings say of themselves. Each counts at
+    /// most as an outlier on the edge.
+    fn noise_of(&self, unknowns: &Unknowns) -> Option<[f64; 2]> {
+        let model = self.model(unknowns);
+        let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
+        for sighting in self.sightings {
+            let time_s = time_s(sighting, self.reference_ns, unknowns);
+            let (_, off) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
+            let square = (self.whitening(sighting)? * off).norm_squared().min(HUBER * HUBER);
+            sums[sighting.camera.idx()] += square;
+            counts[sighting.camera.idx()] += 2.0;
+        }
+        // What the unknowns took up is missing from the residuals; both cameras share it.
+        let n = counts[0] + counts[1];
+        let free = (1.0 - N_FROM_PIXELS / n).max(0.2);
+        let [smallest, largest] = NOISE_RANGE;
+        let noise = [0, 1].map(|i| {
+            if counts[i] < N_NOISE_MIN as f64 {
+                return self.noise[i];
+            }
+            (self.noise[i] * (sums[i] / (counts[i] * free)).sqrt()).clamp(smallest, largest)
+        });
+        noise.iter().all(|scale| scale.is_finite()).then_some(noise)
+    }
+}
+
+fn time_s(sighting: &Sighting, reference_ns: StampNs, unknowns: &Unknowns) -> f64 {
+    let on_its_clock_s = seconds_between(reference_ns, sighting.t_ns);
+    match sighting.camera {
+        Camera::Left => on_its_clock_s,
+        Camera::Right => on_its_clock_s - unknowns.clock_s,
+    }
+}
+
+/// Derivative of the ball's pixel by all unknowns, and pixel expected less pixel seen.
+fn slope_and_off(
+    sighting: &Sighting,
+    time_s: f64,
+    model: &Model,
+    rig: &Rig,
+) -> Option<(SMatrix<f64, 2, N>, Vector2<f64>)> {
+    let ball = model.at(time_s);
+    let (raw, by_point): (_, Matrix2x3<f64>) = rig.raw_and_slope(sighting.camera, &ball.position_m)?;
+    let mut slope = by_point * ball.d_position;
+    if sighting.camera == Camera::Right {
+        let mut by_clock = slope.fixed_columns_mut::<1>(CLOCK);
+        by_clock -= by_point * ball.velocity_m_s;
+    }
+    let off = Vector2::new(raw.x_px - sighting.raw.x_px, raw.y_px - sighting.raw.y_px);
+    Some((slope, off))
+}
+
+fn faer_from(matrix: &Covariance, scale: &Column) -> faer::Mat<f64> {
+    faer::Mat::from_fn(N, N, |i, j| matrix[(i, j)] * scale[i] * scale[j])
+}
+
+/// Scales that make the diagonal one: metres, radians and seconds side by side lose digits.
+fn scale_of(matrix: &Covariance) -> Option<Column> {
+    let scale = Column::from_fn(|i, _| matrix[(i, i)].sqrt().recip());
+    scale.iter().all(|s| s.is_finite()).then_some(scale)
+}
+
+fn solved(matrix: &Covariance, right: &Column) -> Option<Column> {
+    let scale = scale_of(matrix)?;
+    let cholesky = faer_from(matrix, &scale).llt(faer::Side::Lower).ok()?;
+    let column = faer::Mat::from_fn(N, 1, |i, _| right[i] * scale[i]);
+    let solution = cholesky.solve(&column);
+    Some(Column::from_fn(|i, _| solution[(i, 0)] * scale[i]))
+}
+
+fn inverse(matrix: &Covariance) -> Option<Covariance> {
+    let scale = scale_of(matrix)?;
+    let cholesky = faer_from(matrix, &scale).llt(faer::Side::Lower).ok()?;
+    let inverse = cholesky.inverse();
+    Some(Covariance::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]))
+}
+
+/// One row of derivatives, as a number's 1 sigma.
+#[must_use]
+pub fn sigma_of(row: &Row, covariance: &Covariance) -> f64 {
+    (row * covariance * row.transpose())[(0, 0)].max(0.0).sqrt()
+}

@@ -1,0 +1,227 @@
+//! Points of the last frames -> seeds: two points, and the sightings that lie on a flight through
+//! them.
+//!
+//! Any two points a few frames apart, at a speed a ball may have, are a hypothesis: gravity and drag
+//! draw the curve through both. It is projected into every frame of the last [`WINDOW_S`] of both
+//! cameras, each at its own time, and the nearest spot within a gate is a hit. A hit is worth
+//! `ln(Pd / (β π r²))`, since clutter of density β seldom falls into the gate by chance; a frame
+//! without one costs `ln(1 − Pd)`. The two points themselves prove nothing and count nothing. So a
+//! missed frame costs little, and a false flight needs several false spots in the right places.
+//!
+//! **Cost**: pairs of points within a short window, at most [`MAX_PAIRS`] per frame, times the
+//! frames of the window: bounded whatever the clutter. Twenty false spots per camera take about
+//! 0.1 ms a frame.
+
+use crate::Dropped;
+use crate::history::{History, Kept, SpotId};
+use crate::motion::{World, later_ns, seconds_between, state_between};
+use crate::points::{Point, PointFrame};
+use crate::world::ball::State;
+use crate::world::camera::RawPixel;
+use nalgebra::Point3;
+use shm_layout::{Camera, StampNs};
+use std::collections::VecDeque;
+
+/// How far back a seed looks.
+pub const WINDOW_S: f64 = 0.15;
+
+/// Most frames of points kept, whatever their rate.
+const MAX_INSTANTS: usize = 64;
+
+/// Most pairs of points looked at per frame; the others are dropped and counted.
+pub const MAX_PAIRS: usize = 96;
+
+/// Most points of one instant.
+pub const MAX_POINTS: usize = 32;
+
+/// Time between the two points of a seed: nearer and the speed is noise.
+const APART_S: std::ops::RangeInclusive<f64> = 0.018..=0.12;
+
+/// Speeds of a ball in play: after its bounce it is still faster than 6 m/s; 60 is a first serve.
+const SPEED_M_S: std::ops::RangeInclusive<f64> = 6.0..=60.0;
+
+/// Part of the frames in which a ball is found, at worst.
+pub const DETECTED: f64 = 0.6;
+
+/// What a seed must be worth. With 5000 hypotheses a second chance passes once in an hour.
+const WORTH_MIN: f64 = 16.0;
+
+/// Fewest hits besides the two points themselves.
+const N_HITS_MIN: usize = 4;
+
+/// Gate around the curve between its two points; it widens in proportion beyond them.
+const GATE_PX: f64 = 1.5;
+const GATE_SIGMAS: f64 = 3.0;
+
+/// The widest gate.
+const GATE_MAX_PX: f64 = 14.0;
+
+/// A hypothesis that was confirmed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seed {
+    /// Place and velocity at the first point.
+    pub state: State,
+    /// Time of the first point, left clock.
+    pub t_ns: StampNs,
+    /// Spots on the curve, both points' own among them.
+    pub hits: Vec<SpotId>,
+    /// Sum of what hits and misses are worth.
+    pub worth: f64,
+}
+
+/// Keeps the points of the last frames.
+#[derive(Default)]
+pub struct Seeds {
+    instants: VecDeque<PointFrame>,
+}
+
+impl Seeds {
+    /// Takes the points of a frame in; gives out the hypotheses they confirm, best first.
+    pub fn update(
+        &mut self,
+        frame: PointFrame,
+        history: &History,
+        world: &World,
+        dropped: &mut Dropped,
+    ) -> Vec<Seed> {
+        let now_ns = frame.t_ns;
+        let is_old = |old: &PointFrame| seconds_between(old.t_ns, now_ns) > *APART_S.end();
+        while self.instants.len() >= MAX_INSTANTS || self.instants.front().is_some_and(is_old) {
+            self.instants.pop_front();
+        }
+        let mut found = Vec::new();
+        let is_free = |point: &Point| point.ids.iter().all(|&id| !history.is_claimed(id));
+        let pairs = self.instants.iter().flat_map(|old| &old.points).flat_map(|first| {
+            frame.points.iter().map(move |second| (first, second))
+        });
+        let mut n_pairs = 0;
+        for (first, second) in pairs {
+            let dt_s = seconds_between(first.t_ns, second.t_ns);
+            let distance_m = (second.position_m - first.position_m).norm();
+            if !APART_S.contains(&dt_s)
+                || !SPEED_M_S.contains(&(distance_m / dt_s))
+                || !is_free(first)
+            {
+                continue;
+            }
+            n_pairs += 1;
+            if n_pairs > MAX_PAIRS {
+                dropped.n_pairs_beyond_max += 1;
+                continue;
+            }
+            found.extend(Curve::new(first, second, world).seed(history, world));
+        }
+        let n_beyond = frame.points.len().saturating_sub(MAX_POINTS);
+        dropped.n_points_beyond_max += n_beyond as u64;
+        let points = frame.points.into_iter().take(MAX_POINTS).collect();
+        self.instants.push_back(PointFrame { t_ns: now_ns, points });
+        found.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        found
+    }
+}
+
+/// The flight through two points.
+struct Curve<'a> {
+    first: &'a Point,
+    second: &'a Point,
+    state: State,
+    apart_s: f64,
+    acceleration_m_s2: nalgebra::Vector3<f64>,
+    /// Half of how far the rows of the pairs disagree: clocks that are apart, or false pairs.
+    mismatch_px: f64,
+}
+
+impl<'a> Curve<'a> {
+    fn new(first: &'a Point, second: &'a Point, world: &World) -> Self {
+        let apart_s = seconds_between(first.t_ns, second.t_ns);
+        let state =
+            state_between(&first.position_m, &second.position_m, apart_s, world.physics);
+        let mean = (second.position_m - first.position_m) / apart_s;
+        Self {
+            first,
+            second,
+            state,
+            apart_s,
+            acceleration_m_s2: world.physics.acceleration_m_s2(&mean),
+            mismatch_px: 0.5 * first.row_mismatch_px.abs().max(second.row_mismatch_px.abs()),
+        }
+    }
+
+    fn position_m(&self, since_s: f64) -> Point3<f64> {
+        self.state.position_m
+            + self.state.velocity_m_s * since_s
+            + self.acceleration_m_s2 * (0.5 * since_s * since_s)
+    }
+
+    fn seed(&self, history: &History, world: &World) -> Option<Seed> {
+        let (mut worth, mut n_hits) = (0.0, 0);
+        let mut hits: Vec<SpotId> = [self.first, self.second].iter().flat_map(|p| p.ids).collect();
+        let from_ns = later_ns(self.second.t_ns, -WINDOW_S);
+        for camera in Camera::BOTH {
+            let own = [self.first, self.second].map(|point| point.ids[camera.idx()].serial);
+            for kept in history.since(camera, from_ns) {
+                if own.contains(&kept.serial) {
+                    continue;
+                }
+                match self.hit(kept, world) {
+                    Sight::Out => {}
+                    Sight::Missed => worth += (1.0 - DETECTED).ln(),
+                    Sight::Hit { idx, gate_px } => {
+                        worth += hit_worth(gate_px, camera, history, world);
+                        n_hits += 1;
+                        hits.push(kept.id(idx));
+                    }
+                }
+            }
+        }
+        let is_seed = worth >= WORTH_MIN && n_hits >= N_HITS_MIN;
+        is_seed.then(|| Seed { state: self.state, t_ns: self.first.t_ns, hits, worth })
+    }
+
+    /// The free spot nearest to the curve in a frame.
+    fn hit(&self, kept: &Kept, world: &World) -> Sight {
+        let eye = world.rig.eye(kept.camera);
+        let since = |row_px: f64| {
+            let row_ns = later_ns(kept.t_ns, row_px * eye.row_time_us * 1e-6);
+            seconds_between(self.first.t_ns, world.left_ns(kept.camera, row_ns))
+        };
+        let [_, height_px] = eye.lens.image_px();
+        let project = |since_s: f64| {
+            world.rig.raw_from_tracking(kept.camera, &self.position_m(since_s))
+        };
+        let mut since_s = since(f64::from(height_px) / 2.0);
+        if eye.row_time_us > 0.0 {
+            let Some(near) = project(since_s) else { return Sight::Out };
+            since_s = since(near.y_px.clamp(0.0, f64::from(height_px)));
+        }
+        let Some(pixel) = project(since_s).filter(|pixel| eye.lens.contains(*pixel)) else {
+            return Sight::Out;
+        };
+        let beyond_s = (-since_s).max(since_s - self.apart_s).max(0.0);
+        let sigma_px = self.first.left.sigma_px().max(self.second.left.sigma_px());
+        let widened = (GATE_PX + GATE_SIGMAS * sigma_px) * (1.0 + 2.0 * beyond_s / self.apart_s);
+        let gate_px = (widened + self.mismatch_px).min(GATE_MAX_PX);
+        let distance_px =
+            |raw: &RawPixel| (raw.x_px - pixel.x_px).hypot(raw.y_px - pixel.y_px);
+        kept.spots_in([pixel.y_px - gate_px, pixel.y_px + gate_px])
+            .filter(|(idx, _)| !kept.is_claimed(*idx))
+            .map(|(idx, spot)| (idx, distance_px(&spot.sighting.raw)))
+            .filter(|(_, px)| *px <= gate_px)
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(Sight::Missed, |(idx, _)| Sight::Hit { idx, gate_px })
+    }
+}
+
+enum Sight {
+    Out,
+    Missed,
+    Hit { idx: usize, gate_px: f64 },
+}
+
+/// What a spot within a gate is worth: how much likelier a ball puts one there than clutter.
+fn hit_worth(gate_px: f64, camera: Camera, history: &History, world: &World) -> f64 {
+    let [width_px, height_px] = world.rig.eye(camera).lens.image_px().map(f64::from);
+    let density = history.clutter(camera) / (width_px * height_px);
+    let by_chance = (density * std::f64::consts::PI * gate_px * gate_px).min(1.0);
+    (DETECTED / by_chance).ln()
+}
