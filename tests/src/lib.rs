@@ -18,8 +18,9 @@
 //! [`player`] plays a scenario into shared memory, [`processes`] and [`chain`] start the real
 //! binaries. A person says where the ball is in a clip: [`labels`], kept on disk by a
 //! [`label_file`], made on the page that [`labelling`] serves to itself alone ([`sender`]).
-//! [`evaluation`] and [`overlay`] say and show how well balls are found there. [`accuracy`] says how
-//! well `fusion` measures shots.
+//! [`evaluation`] and [`overlay`] say and show how well balls are found there.
+//!
+//! [`accuracy`] says how well `fusion` measures shots, from candidates and from pixels.
 //!
 //! Deliberately absent: any code shared with the estimator. Physics and projection are written
 //! anew here, so that both can only agree by both being right.

@@ -4,8 +4,8 @@
 //! either worked out from where the ball truly is ([`candidates`]; [`clocks`] stamps them,
 //! [`leftover`] balls and [`passers`] are in the way) or found by a worker in rendered frames
 //! ([`rendered`]); the stream is played to `fusion`; [`score`] holds each shot against its truth,
-//! [`figures`] makes numbers of many, [`row`] one row of a cell, [`table`] the text, and
-//! [`shot_csv`] a line for each shot. Two threads share the streams.
+//! [`sightings`] each candidate, [`figures`] makes numbers of many, [`row`] one row of a cell,
+//! [`table`] the text, and [`shot_csv`] a line for each shot. Two threads share the streams.
 //!
 //! Streams are computed from seeds: the same figures on every run but for those of cost. Stream k
 //! of every cell has the same launches if the cells draw them from the same ranges, so that cells
@@ -24,9 +24,12 @@ pub mod stream;
 pub mod candidates;
 pub mod rendered;
 
+pub mod figures;
+
+pub mod sightings;
+
 pub mod score;
 
-pub mod figures;
 pub mod row;
 pub mod table;
 

@@ -7,6 +7,7 @@ use nalgebra::Matrix2;
 
 use super::figures::{mean, median, percent_true, quantile, rms, worst};
 use super::score::{Errors, Off, StreamScore};
+use super::sightings::Sightings;
 use super::stream::Cost;
 
 /// Streams shorter than two of these have no first and last one.
@@ -47,8 +48,10 @@ pub struct Row {
     pub delay_s: [Option<f64>; 2],
     /// Measured shots that were told only when the stream ended.
     pub n_told_at_end: usize,
-    /// Time of a frame: median, median of those that tell a shot, and worst.
-    pub frame_ms: [Option<f64>; 3],
+    /// Time of a frame: median, mean, median of those that tell a shot, and worst.
+    pub frame_ms: [Option<f64>; 4],
+    /// How well balls were seen.
+    pub sightings: Sightings,
     /// Mean time of a frame in the first and in the last minute of long streams.
     pub minute_ms: [Option<f64>; 2],
 }
@@ -97,7 +100,7 @@ impl Row {
             n_served: shots().count(),
             n_measured: measured.len(),
             n_invented: scores.iter().map(|score| score.invented.len()).sum(),
-            n_not_whole: scores.iter().map(|score| score.n_not_whole).sum(),
+            n_not_whole: scores.iter().map(|score| score.not_whole.len()).sum(),
             bias_m: [mean(&off_m(0)), mean(&off_m(1))],
             rmse_m: rms(&distances_m),
             p95_m: quantile(&distances_m, 0.95),
@@ -114,6 +117,7 @@ impl Row {
             clock: spread(|e| e.right_minus_left_s),
             delay_s: [median(&delays_s), worst(&delays_s)],
             n_told_at_end: measured.len() - delays_s.len(),
+            sightings: Sightings::sum(scores.iter().map(|score| &score.sightings)),
             frame_ms: frame_ms(scores),
             minute_ms: minute_ms(scores),
         }
@@ -134,11 +138,11 @@ fn over_bound(measured: &[&Errors]) -> Option<f64> {
     Some(rms(&distances_m)? / mean(&traces_m2)?.sqrt())
 }
 
-fn frame_ms(scores: &[StreamScore]) -> [Option<f64>; 3] {
+fn frame_ms(scores: &[StreamScore]) -> [Option<f64>; 4] {
     let costs = || scores.iter().flat_map(|score| &score.costs);
     let all: Vec<f64> = costs().map(|cost| cost.ms).collect();
     let telling: Vec<f64> = costs().filter(|cost| cost.has_told).map(|cost| cost.ms).collect();
-    [median(&all), median(&telling), worst(&all)]
+    [median(&all), mean(&all), median(&telling), worst(&all)]
 }
 
 fn minute_ms(scores: &[StreamScore]) -> [Option<f64>; 2] {
@@ -186,7 +190,8 @@ mod tests {
             seed: 1,
             shots: vec![shot(Some([0.0, 0.01])), shot(Some([0.0, 0.03])), shot(None)],
             invented: Vec::new(),
-            n_not_whole: 0,
+            not_whole: Vec::new(),
+            sightings: Sightings::default(),
             costs: vec![Cost { at_s: 0.0, ms: 2.0, has_told: false }],
             left_out: String::new(),
         };
@@ -199,6 +204,9 @@ mod tests {
         assert!(near(row.covered_percent, 50.0) && near(row.over_bound, 5f64.sqrt()));
         assert!(near(row.launch[0].p95, 0.01) && row.launch[1].p95.is_none());
         assert!(near(row.launch[0].within_2_sigma_percent, 0.0));
-        assert_eq!((row.frame_ms, row.minute_ms), ([Some(2.0), None, Some(2.0)], [None; 2]));
+        assert_eq!(
+            (row.frame_ms, row.minute_ms),
+            ([Some(2.0), Some(2.0), None, Some(2.0)], [None; 2])
+        );
     }
 }

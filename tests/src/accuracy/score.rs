@@ -9,6 +9,7 @@
 use fusion::{Outcome, Shot};
 use nalgebra::{Matrix2, Vector2};
 
+use super::sightings::Sightings;
 use super::stream::{Cost, Played, Stream};
 use crate::truth::{Bounce, Flight};
 
@@ -202,7 +203,9 @@ pub struct StreamScore {
     /// Measured shots that nobody served.
     pub invented: Vec<Reading>,
     /// Shots that were told but not measured.
-    pub n_not_whole: usize,
+    pub not_whole: Vec<Reading>,
+    /// How well balls were seen.
+    pub sightings: Sightings,
     /// What each frame took.
     pub costs: Vec<Cost>,
     /// What `fusion` left out, in its own words.
@@ -242,19 +245,16 @@ pub fn from_played(stream: &Stream, played: &Played) -> StreamScore {
         }
         shots.push(score);
     }
-    let is_measured = |reading: &Reading| reading.outcome == Outcome::Measured;
-    let n_not_whole = told.iter().filter(|(reading, _)| !is_measured(reading)).count();
-    let invented = told
-        .into_iter()
-        .zip(is_taken)
-        .filter(|((reading, _), is_taken)| is_measured(reading) && !is_taken)
+    let free = told.into_iter().zip(is_taken).filter(|(_, is_taken)| !is_taken);
+    let (invented, not_whole) = free
         .map(|((reading, _), _)| reading)
-        .collect();
+        .partition(|reading| reading.outcome == Outcome::Measured);
     StreamScore {
         seed: stream.seed,
         shots,
         invented,
-        n_not_whole,
+        not_whole,
+        sightings: Sightings::from_stream(stream),
         costs: played.costs.clone(),
         left_out: played.left_out.clone(),
     }

@@ -1,7 +1,8 @@
-//! Scores -> CSV with one line for each shot that was served or invented.
+//! Scores -> CSV: a line for each shot that was served, and for each that is told but no such one.
 //!
-//! For finding the shot that went wrong: its cell and seed play it again. Degrees, percent, mm and
-//! rpm; an empty field was not measured. `left_out` is what `fusion` counted in the whole stream.
+//! For finding the shot that went wrong: its cell and seed play it again. A line without a number
+//! of a shot was told beside those served: invented, or not whole. Degrees, percent, mm and rpm; an
+//! empty field was not measured. `left_out` is what `fusion` counted in the whole stream.
 
 use std::io::Write;
 
@@ -67,7 +68,11 @@ pub fn write<'a>(
                 lines.serialize(line_from_shot(shot, &whole))?;
             }
             for reading in &score.invented {
-                lines.serialize(line_from_invented(reading, &whole))?;
+                lines.serialize(line_from_told(reading, "invented", &whole))?;
+            }
+            for reading in &score.not_whole {
+                let outcome = reading.outcome.text();
+                lines.serialize(line_from_told(reading, outcome, &whole))?;
             }
         }
     }
@@ -127,12 +132,12 @@ fn line_from_shot<'a>(shot: &ShotScore, whole: &Line<'a>) -> Line<'a> {
 }
 
 /// What was said, in the columns of what was true.
-fn line_from_invented<'a>(reading: &Reading, whole: &Line<'a>) -> Line<'a> {
+fn line_from_told<'a>(reading: &Reading, outcome: &'a str, whole: &Line<'a>) -> Line<'a> {
     let bounce = reading.bounce.as_ref();
     Line {
         cell: whole.cell,
         seed: whole.seed,
-        outcome: "invented",
+        outcome,
         bounced_at_s: bounce.map(|b| b.bounced_at_s),
         bounce_x_m: bounce.map(|b| b.position_m.x),
         bounce_y_m: bounce.map(|b| b.position_m.y),
@@ -148,6 +153,7 @@ fn line_from_invented<'a>(reading: &Reading, whole: &Line<'a>) -> Line<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accuracy::sightings::Sightings;
     use crate::scenario::Scenario;
     use crate::truth::Truth;
 
@@ -159,7 +165,8 @@ mod tests {
             seed: 7,
             shots: vec![shot],
             invented: Vec::new(),
-            n_not_whole: 0,
+            not_whole: Vec::new(),
+            sightings: Sightings::default(),
             costs: Vec::new(),
             left_out: "nothing".to_owned(),
         };
