@@ -20,6 +20,8 @@
 //! [`label_file`], made on the page that [`labelling`] serves to itself alone ([`sender`]).
 //! [`evaluation`] and [`overlay`] say and show how well balls are found there.
 //!
+//! [`accuracy`] says how well `fusion` measures shots, from candidates and from pixels.
+//!
 //! Deliberately absent: any code shared with the estimator. Physics and projection are written
 //! anew here, so that both can only agree by both being right.
 #![forbid(unsafe_code)]
@@ -112,3 +114,5 @@ pub mod scenes;
 pub mod scene_table;
 
 pub mod contact_sheet;
+
+pub mod accuracy;

@@ -61,7 +61,7 @@ pub struct Backgrounds {
 
 impl Backgrounds {
     /// That of a scenario, made when it is first asked for.
-    fn of(&self, scenario: &Scenario, side: Side) -> Arc<Background> {
+    pub fn of(&self, scenario: &Scenario, side: Side) -> Arc<Background> {
         let key = BackgroundKey::from_scenario(scenario, side);
         let known = || self.known.lock().expect("no thread panicked");
         let found = known().iter().find(|(other, _)| *other == key).map(|(_, b)| Arc::clone(b));
