@@ -89,8 +89,12 @@ impl Reading {
                 .map(|d| Estimate { value: d.elevation_rad, sigma: d.elevation_sigma_rad }),
             azimuth_rad: direction
                 .map(|d| Estimate { value: d.azimuth_rad, sigma: d.azimuth_sigma_rad }),
-            backspin_rad_s: None,
-            right_minus_left_s: None,
+            backspin_rad_s: launch
+                .and_then(|launch| launch.spin)
+                .map(|spin| Estimate { value: spin.backspin_rad_s, sigma: spin.sigma_rad_s }),
+            right_minus_left_s: shot
+                .clock
+                .map(|c| Estimate { value: c.right_minus_left_s, sigma: c.sigma_s }),
         }
     }
 }
