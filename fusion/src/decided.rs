@@ -8,17 +8,29 @@
 use crate::clock::Clock;
 use crate::flight::Flight;
 use crate::history::History;
-use crate::path::{self, Path, Terms};
+use crate::motion::World;
+use crate::path::{self, Terms};
 use crate::quadratic;
 use crate::rectified::Sighting;
 use crate::shot::{self, Rejection, Shot, Verdict};
 use crate::tracklets::{Tracklet, Tracklets};
+use crate::world::ball::State;
 use crate::world::rectification::Rectification;
 use crate::{Fit, Rejected};
 use shm_layout::StampNs;
 
 /// Part of a path's sightings that an earlier shot may have had: rolling balls cross.
 const SHARED_MAX: f64 = 0.3;
+
+/// Longest flight from the launcher.
+const FLOWN_MAX_S: f64 = 3.0;
+
+/// How much faster than at its end a ball flies on average.
+const FASTER: f64 = 0.82;
+
+/// A ball flown back without spin, wind or its own drag is off by 2 m at worst; one that has
+/// bounced is off by more than this.
+const ELSEWHERE_M: f64 = 5.0;
 
 /// Judges tracklets, each once.
 #[derive(Default)]
@@ -47,7 +59,7 @@ impl Decider {
     ) -> Vec<Shot> {
         let mut shots = Vec::new();
         for tracklet in &mut tracklets.all {
-            let is_over = now_ns.is_none_or(|now_ns| tracklet.has_ended(now_ns));
+            let is_over = now_ns.is_none_or(|now_ns| tracklet.is_due(now_ns));
             if tracklet.is_told || !(is_over || tracklet.has_bounced()) {
                 continue;
             }
@@ -63,7 +75,8 @@ impl Decider {
                 Verdict::Rejected(rejection) => self.rejected.count(rejection),
             }
         }
-        tracklets.all.retain(|tracklet| now_ns.is_some_and(|ns| !tracklet.has_ended(ns)));
+        let is_over = |tracklet: &Tracklet, ns| tracklet.is_told && tracklet.has_ended(ns);
+        tracklets.all.retain(|tracklet| now_ns.is_some_and(|ns| !is_over(tracklet, ns)));
         shots
     }
 
@@ -74,10 +87,25 @@ impl Decider {
         terms: &Terms,
         (rectification, fit): (&Rectification, Fit),
     ) -> Verdict {
+        if self.shares_too_much(tracklet.sightings(history)) {
+            return Verdict::Rejected(Rejection::SameBall);
+        }
+        if is_from_elsewhere(tracklet, &terms.world) {
+            return Verdict::Rejected(Rejection::NotFromLauncher);
+        }
+        if std::env::var("DBG").is_ok() {
+            let n = |c, b| tracklet.tokens.iter().filter(|t| t.id.camera == c && t.n_bounces == b).count();
+            use shm_layout::Camera::*;
+            eprintln!("tracklet {} tokens L{}/{} R{}/{} from {:.3} to {:.3} last {:.3} state {:?}", tracklet.tokens.len(), n(Left,0), n(Left,1), n(Right,0), n(Right,1), tracklet.tokens[0].t_ns as f64*1e-9, tracklet.motion.t_ns as f64*1e-9, tracklet.last_ns() as f64*1e-9, tracklet.motion.state);
+            if let Some(p) = path::along(tracklet, history, terms) {
+                let n = |c| p.sightings.iter().filter(|t| t.camera == c).count();
+                eprintln!("path {} {} bounce {} {:?} noise {:?}", n(Left), n(Right), p.has_bounce, p.fitted.as_ref().map(|f| f.unknowns), p.fitted.as_ref().map(|f| f.noise));
+            }
+        }
         let Some(path) = path::along(tracklet, history, terms) else {
             return Verdict::Rejected(Rejection::TooShort);
         };
-        if self.is_told(&path) {
+        if self.shares_too_much(path.sightings.iter()) {
             return Verdict::Rejected(Rejection::SameBall);
         }
         let verdict = match (fit, Flight::from_path(&path)) {
@@ -94,8 +122,27 @@ impl Decider {
         verdict
     }
 
-    fn is_told(&self, path: &Path) -> bool {
-        let n_shared = path.sightings.iter().filter(|s| self.told.contains(s)).count();
-        n_shared as f64 > SHARED_MAX * path.sightings.len() as f64
+    /// Whether these are the sightings of a shot that was told.
+    fn shares_too_much<'a>(&self, sightings: impl Iterator<Item = &'a Sighting>) -> bool {
+        let (mut n, mut n_shared) = (0.0, 0.0);
+        for sighting in sightings {
+            n += 1.0;
+            n_shared += f64::from(u8::from(self.told.contains(sighting)));
+        }
+        n_shared > SHARED_MAX * n
     }
+}
+
+/// Whether a ball can not have come from the launcher, roughly: it is not fitted yet.
+fn is_from_elsewhere(tracklet: &Tracklet, world: &World) -> bool {
+    let Some(launcher) = world.rig.launcher_in_court_m() else { return false };
+    let motion = tracklet.falling.as_ref().unwrap_or(&tracklet.motion);
+    let State { position_m, velocity_m_s } = motion.state;
+    let back_s = (position_m.y - launcher.y) / velocity_m_s.y;
+    if !(0.0..FLOWN_MAX_S).contains(&back_s) {
+        return true;
+    }
+    // Drag slowed it on its way: it took less time than its last speed says.
+    let there = world.physics.propagated(motion.state, -FASTER * back_s).position_m;
+    (there.z - launcher.z).abs().max((there.x - launcher.x).abs()) > ELSEWHERE_M
 }

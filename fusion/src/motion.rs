@@ -38,8 +38,10 @@ const BOUNCE_SIGMA_M_S: f64 = 0.4;
 /// A pixel is never trusted more than this: model errors of a filter that knows no spin.
 const SIGMA_MIN_PX: f64 = 0.25;
 
-/// Slower upwards than this after a bounce a ball rolls, and is no longer followed.
+/// Slower upwards than this after a bounce a ball rolls,
 const RISE_MIN_M_S: f64 = 0.5;
+/// and this is what the ground then takes of its speed.
+const ROLLING_M_S2: f64 = 0.6;
 
 /// Seconds from `reference_ns` to `t_ns`.
 #[must_use]
@@ -94,6 +96,8 @@ pub struct Expected {
     pub pixel_px: Vector2<f64>,
     /// What the motion's own doubt makes of it.
     pub covariance_px2: Matrix2<f64>,
+    /// Whether that is within the image.
+    pub is_in_image: bool,
     slope: SMatrix<f64, 2, N>,
 }
 
@@ -122,6 +126,7 @@ pub struct Motion {
     pub state: State,
     excess_m_s2: Vector3<f64>,
     clock_s: f64,
+    is_rolling: bool,
     covariance: SMatrix<f64, N, N>,
 }
 
@@ -138,7 +143,8 @@ impl Motion {
             _ => clock_sigma_s,
         });
         let covariance = SMatrix::from_diagonal(&sigmas.component_mul(&sigmas));
-        Self { t_ns, state, excess_m_s2: Vector3::zeros(), clock_s, covariance }
+        let excess_m_s2 = Vector3::zeros();
+        Self { t_ns, state, excess_m_s2, clock_s, is_rolling: false, covariance }
     }
 
     /// 1 sigma of the position, its largest axis at most.
@@ -167,7 +173,7 @@ impl Motion {
             let there = self.advanced(self.seen_at_ns(camera, row_ns), world)?;
             let position = &there.state.position_m;
             if round < n_rounds {
-                row_px = world.rig.raw_from_tracking(camera, position)?.y_px;
+                row_px = world.rig.raw_from_tracking(camera, position)?.y_px.clamp(0.0, 2.0 * row_px);
                 continue;
             }
             let expected = there.projected(camera, world)?;
@@ -185,12 +191,9 @@ impl Motion {
         Some((there, expected))
     }
 
-    /// Where a camera sees the ball now; None if it does not.
+    /// Where a camera would see the ball now; None behind it.
     fn projected(&self, camera: Camera, world: &World) -> Option<Expected> {
         let (raw, by_point) = world.rig.raw_and_slope(camera, &self.state.position_m)?;
-        if !world.rig.eye(camera).lens.contains(raw) {
-            return None;
-        }
         let mut slope = SMatrix::<f64, 2, N>::zeros();
         slope.fixed_columns_mut::<3>(0).copy_from(&by_point);
         if camera == Camera::Right {
@@ -198,7 +201,8 @@ impl Motion {
         }
         let covariance_px2 = slope * self.covariance * slope.transpose();
         let pixel_px = Vector2::new(raw.x_px, raw.y_px);
-        Some(Expected { pixel_px, covariance_px2, slope })
+        let is_in_image = world.rig.eye(camera).lens.contains(raw);
+        Some(Expected { pixel_px, covariance_px2, is_in_image, slope })
     }
 
     /// Takes a sighting in that was expected at this motion's time.
@@ -229,10 +233,15 @@ impl Motion {
     }
 
     fn step(&mut self, h: f64, physics: &Physics) {
-        let v = self.state.velocity_m_s;
-        let a = physics.acceleration_m_s2(&v) + self.excess_m_s2;
+        let mut v = self.state.velocity_m_s;
+        let mut a = physics.acceleration_m_s2(&v) + self.excess_m_s2;
+        if self.is_rolling {
+            v.z = 0.0;
+            a = -v.try_normalize(0.1).unwrap_or_default() * ROLLING_M_S2;
+            self.state.position_m.z = physics.ball.radius_m();
+        }
         self.state.position_m += v * h + a * (0.5 * h * h);
-        self.state.velocity_m_s += a * h;
+        self.state.velocity_m_s = v + a * h;
         let speed = v.norm().max(1e-9);
         let by_v = -(Matrix3::identity() * speed + v * v.transpose() / speed) * physics.drag_per_m();
         let mut f = SMatrix::<f64, N, N>::identity();
@@ -253,7 +262,7 @@ impl Motion {
     /// When the ball comes down to the ground, if that is before `until_ns`.
     #[must_use]
     pub fn touches_before_ns(&self, until_ns: StampNs, world: &World) -> Option<StampNs> {
-        let ground_m = world.ground_m()?;
+        let ground_m = world.ground_m().filter(|_| !self.is_rolling)?;
         let (z, v) = (self.state.position_m.z - ground_m, self.state.velocity_m_s.z);
         let a = world.physics.acceleration_m_s2(&self.state.velocity_m_s).z + self.excess_m_s2.z;
         // z + v t + a t²/2 = 0, downwards; a is negative but for a wild excess.
@@ -262,7 +271,7 @@ impl Motion {
         (t_s >= 0.0 && touch_ns < until_ns).then_some(touch_ns)
     }
 
-    /// The motion just after a bounce at a time; None if the ball then rolls.
+    /// The motion just after a bounce at a time; a ball that hardly rises then rolls.
     #[must_use]
     pub fn bounced(&self, touch_ns: StampNs, world: &World) -> Option<Self> {
         let mut there = self.advanced(touch_ns, world)?;
@@ -272,9 +281,7 @@ impl Motion {
         }
         let radius_m = world.physics.ball.radius_m();
         let (out, ..) = rebound::after(&v, &Vector3::zeros(), radius_m, &HARD_COURT);
-        if out.z < RISE_MIN_M_S {
-            return None;
-        }
+        there.is_rolling = out.z < RISE_MIN_M_S;
         // An error in height is one in time, at another velocity before than after.
         let turn = (out - v) / v.z;
         let mut f = SMatrix::<f64, N, N>::identity();

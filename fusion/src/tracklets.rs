@@ -14,7 +14,8 @@
 
 use crate::Dropped;
 use crate::history::{History, SpotId};
-use crate::motion::{Motion, World, seconds_between};
+use crate::motion::{Motion, World, later_ns, seconds_between};
+use crate::rectified::Sighting;
 use crate::seeds::{DETECTED, Seed};
 use shm_layout::{Camera, StampNs};
 
@@ -23,6 +24,9 @@ pub const MAX_TRACKLETS: usize = 16;
 
 /// A tracklet that finds nothing for this long has ended: 27 frames at 90 Hz.
 pub const SILENCE_S: f64 = 0.3;
+
+/// Longest a ball that went out of sight in the air is waited for.
+const DUE_MAX_S: f64 = 2.5;
 
 /// Most tokens of a tracklet; 4 s of two cameras at 128 Hz.
 const MAX_TOKENS: usize = 1024;
@@ -65,6 +69,7 @@ pub struct Tracklet {
     worth: f64,
     n_bounces: u32,
     last_ns: StampNs,
+    due_ns: StampNs,
 }
 
 impl Tracklet {
@@ -86,6 +91,7 @@ impl Tracklet {
             worth: seed.worth.min(WORTH_MAX),
             n_bounces: 0,
             last_ns: first_ns,
+            due_ns: first_ns,
         };
         for (_, id) in hits {
             let sighting = history.sighting(id)?;
@@ -112,10 +118,25 @@ impl Tracklet {
         self.last_ns = self.last_ns.max(t_ns);
     }
 
+    /// What its tokens are.
+    pub fn sightings<'a>(&self, history: &'a History) -> impl Iterator<Item = &'a Sighting> {
+        self.tokens.iter().filter_map(|token| history.sighting(token.id))
+    }
+
     /// Time of the last token, on its camera's clock.
     #[must_use]
     pub fn last_ns(&self) -> StampNs {
         self.last_ns
+    }
+
+    /// When the ball will have come down and been seen after it, before its first bounce.
+    fn came_down_ns(&self, world: &World) -> StampNs {
+        let latest_ns = later_ns(self.last_ns, DUE_MAX_S);
+        let touch_ns = match self.n_bounces {
+            0 => self.motion.touches_before_ns(latest_ns, world),
+            _ => None,
+        };
+        touch_ns.map_or(self.last_ns, |touch_ns| later_ns(touch_ns, SILENCE_S))
     }
 
     /// Whether enough was seen after a bounce to be sure of it.
@@ -134,9 +155,19 @@ impl Tracklet {
         seconds_between(self.last_ns, now_ns) > SILENCE_S
     }
 
+    /// Whether all is known that will be of a tracklet that has ended. A ball that went out of
+    /// sight in the air may come back, as another tracklet, until it would have come down.
+    #[must_use]
+    pub fn is_due(&self, now_ns: StampNs) -> bool {
+        self.has_ended(now_ns) && now_ns >= self.due_ns
+    }
+
     /// Looks for its ball in a camera's newest frame.
     fn update(&mut self, camera: Camera, history: &mut History, world: &World) {
         let Some(newest) = history.newest(camera) else { return };
+        if self.has_ended(newest.t_ns) {
+            return;
+        }
         let mut motion = self.motion.clone();
         let mut has_bounced = false;
         if let Some(touch_ns) = motion.touches_before_ns(world.left_ns(camera, newest.t_ns), world) {
@@ -148,6 +179,7 @@ impl Tracklet {
         if doubt.trace().sqrt() > DOUBT_MAX_PX {
             return;
         }
+        let is_in_image = expected.is_in_image;
         let reach_px = GATE_SIGMAS * (doubt[(1, 1)] + 4.0).sqrt();
         let row_px = expected.pixel_px.y;
         let mut best: Option<(f64, usize)> = None;
@@ -164,7 +196,7 @@ impl Tracklet {
             }
         }
         let Some((square, idx)) = best else {
-            self.worth += (1.0 - DETECTED).ln();
+            self.worth += if is_in_image { (1.0 - DETECTED).ln() } else { 0.0 };
             return;
         };
         let id = newest.id(idx);
@@ -176,6 +208,7 @@ impl Tracklet {
         self.motion = there;
         self.motion.update(&expected, &sighting);
         self.push(id, sighting.t_ns);
+        self.due_ns = self.came_down_ns(world);
         self.worth = (self.worth + 5.0 - 0.5 * square).min(WORTH_MAX);
         history.claim(id);
     }
