@@ -162,12 +162,18 @@ impl<'a> Growth<'a> {
         }
     }
 
-    /// Outwards until nothing new comes.
+    /// Outwards, over gaps too, until there is nothing more.
     fn grow(&mut self, is_after: bool) {
+        let time_of = |s: Option<&Sighting>| s.map_or(0.0, |s| self.fitted.time_s(s));
+        let mut span_s = [time_of(self.sightings.first()), time_of(self.sightings.last())];
         for _ in 0..N_ROUNDS_MAX {
-            let gathered = self.gathered(is_after);
+            span_s = [span_s[0] - GROWTH_S, span_s[1] + GROWTH_S];
+            let (gathered, is_all) = self.gathered(span_s, is_after);
             if gathered == self.sightings {
-                break;
+                if is_all {
+                    break;
+                }
+                continue;
             }
             let start = self.fitted.unknowns;
             if !self.refit(gathered, &start) {
@@ -225,20 +231,17 @@ impl<'a> Growth<'a> {
         }
     }
 
-    /// The spot of every frame that fits the flight best, if any is within the gate.
-    fn gathered(&self, is_after: bool) -> Vec<Sighting> {
+    /// The spot of every frame of a time span that fits the flight best, if any is within the
+    /// gate; and whether the span is all of the flight.
+    fn gathered(&self, [earliest_s, latest_s]: [f64; 2], is_after: bool) -> (Vec<Sighting>, bool) {
         let touch_s = self.fitted.model.touch().map_or(f64::INFINITY, |touch| touch.t_s);
-        let time_of = |s: Option<&Sighting>| s.map_or(0.0, |s| self.fitted.time_s(s));
-        let first_s = time_of(self.sightings.first()) - GROWTH_S;
         let launched_s = self.terms.world.rig.launcher_in_court_m().and_then(|launcher| {
-            Some(self.fitted.model.passing(1, launcher.y, first_s - REACH_S[0])?.t_s)
+            Some(self.fitted.model.passing(1, launcher.y, earliest_s - REACH_S[0])?.t_s)
         });
-        let from_s = first_s.max(launched_s.unwrap_or(f64::NEG_INFINITY));
-        let grown_s = time_of(self.sightings.last()) + GROWTH_S;
-        let to_s = match is_after {
-            true => grown_s.min(touch_s + AFTER_S),
-            false => grown_s.min(touch_s - NEAR_BOUNCE_S),
-        };
+        let from_s = earliest_s.max(launched_s.unwrap_or(f64::NEG_INFINITY));
+        let end_s = if is_after { touch_s + AFTER_S } else { touch_s - NEAR_BOUNCE_S };
+        let to_s = latest_s.min(end_s);
+        let is_all = from_s > earliest_s && to_s < latest_s;
         let from_ns = later_ns(self.reference_ns, from_s - MARGIN_S);
         let mut gathered = Vec::with_capacity(self.sightings.len() + 64);
         for camera in Camera::BOTH {
@@ -249,7 +252,7 @@ impl<'a> Growth<'a> {
                 gathered.extend(self.nearest(kept, from_s..to_s));
             }
         }
-        ordered(gathered, self.terms)
+        (ordered(gathered, self.terms), is_all)
     }
 
     fn nearest(&self, kept: &Kept, span_s: std::ops::Range<f64>) -> Option<Sighting> {

@@ -28,6 +28,12 @@ pub const SILENCE_S: f64 = 0.3;
 /// Longest a ball that went out of sight in the air is waited for.
 const DUE_MAX_S: f64 = 2.5;
 
+/// Sightings of a seed's two points.
+const N_OWN: usize = 4;
+
+/// A tracklet that one camera has missed for so many frames in a row follows something else.
+const N_MISSED_MAX: u32 = 30;
+
 /// Most tokens of a tracklet; 4 s of two cameras at 128 Hz.
 const MAX_TOKENS: usize = 1024;
 
@@ -70,6 +76,8 @@ pub struct Tracklet {
     n_bounces: u32,
     last_ns: StampNs,
     due_ns: StampNs,
+    n_missed: [u32; 2],
+    is_lost: bool,
 }
 
 impl Tracklet {
@@ -92,23 +100,38 @@ impl Tracklet {
             n_bounces: 0,
             last_ns: first_ns,
             due_ns: first_ns,
+            n_missed: [0; 2],
+            is_lost: false,
         };
+        // Both cameras' sightings of the two points first: one camera alone would bend the filter
+        // before the other tells the depth.
+        let is_own = |id: &SpotId| seed.hits[..N_OWN].contains(id);
+        for id in &seed.hits[..N_OWN] {
+            tracklet.take_in(history.sighting(*id)?, world);
+        }
+        tracklet.motion = tracklet.motion.advanced(first_ns, world)?;
         for (_, id) in hits {
             let sighting = history.sighting(id)?;
-            // The stamp of a spot is that of its row.
-            let Some((there, expected)) = tracklet.motion.expected_at(sighting, world) else {
-                continue;
-            };
-            let off = expected.off_px(sighting);
-            let inverse = expected.innovation_px2(sighting).try_inverse()?;
-            if off.dot(&(inverse * off)) > GATE_SIGMAS * GATE_SIGMAS {
-                continue;
+            if is_own(&id) || tracklet.take_in(sighting, world) {
+                tracklet.push(id, sighting.t_ns);
             }
-            tracklet.motion = there;
-            tracklet.motion.update(&expected, sighting);
-            tracklet.push(id, sighting.t_ns);
         }
         Some(tracklet)
+    }
+
+    /// Takes a sighting in if it is within the gate.
+    fn take_in(&mut self, sighting: &Sighting, world: &World) -> bool {
+        let Some((there, expected)) = self.motion.expected_at(sighting, world) else {
+            return false;
+        };
+        let off = expected.off_px(sighting);
+        let inverse = expected.innovation_px2(sighting).try_inverse();
+        let is_near = inverse.is_some_and(|inv| off.dot(&(inv * off)) <= GATE_SIGMAS.powi(2));
+        if is_near {
+            self.motion = there;
+            self.motion.update(&expected, sighting);
+        }
+        is_near
     }
 
     fn push(&mut self, id: SpotId, t_ns: StampNs) {
@@ -152,7 +175,7 @@ impl Tracklet {
     /// Whether it will find nothing more.
     #[must_use]
     pub fn has_ended(&self, now_ns: StampNs) -> bool {
-        seconds_between(self.last_ns, now_ns) > SILENCE_S
+        self.is_lost || seconds_between(self.last_ns, now_ns) > SILENCE_S
     }
 
     /// Whether all is known that will be of a tracklet that has ended. A ball that went out of
@@ -196,9 +219,15 @@ impl Tracklet {
             }
         }
         let Some((square, idx)) = best else {
-            self.worth += if is_in_image { (1.0 - DETECTED).ln() } else { 0.0 };
+            if is_in_image {
+                self.worth += (1.0 - DETECTED).ln();
+                self.n_missed[camera.idx()] += 1;
+                let [left, right] = self.n_missed;
+                self.is_lost = left.abs_diff(right) > N_MISSED_MAX;
+            }
             return;
         };
+        self.n_missed[camera.idx()] = 0;
         let id = newest.id(idx);
         let sighting = newest.spots[idx].sighting;
         if has_bounced {
