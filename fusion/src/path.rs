@@ -19,7 +19,7 @@ use crate::tracklets::Tracklet;
 use crate::world::ball::DRAG_COEFFICIENT;
 use crate::world::rebound::{self, HARD_COURT};
 use crate::world::trajectory::{Aloft, Breeze};
-use nalgebra::{Matrix3, Point3, SMatrix, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Point3, SMatrix, Vector2, Vector3};
 use shm_layout::{Camera, StampNs};
 
 /// Fewest tokens before the bounce a flight can be fitted to.
@@ -37,6 +37,10 @@ const N_ROUNDS_MAX: usize = 8;
 
 /// What is used of the flight after the bounce: more tells little of the bounce.
 const AFTER_S: f64 = 0.25;
+
+/// 1 sigma of a streak's middle, of its length. Rendered balls 5 m away, five pixels long, are off
+/// by 0.2 px along the streak.
+const STREAK_SIGMA: f64 = 0.05;
 
 /// Nearer to the bounce than this a sighting does not say on which side it is.
 const NEAR_BOUNCE_S: f64 = 0.004;
@@ -80,10 +84,13 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
     }
     let mut growth = Growth::new(tracklet, before, history, terms)?;
     growth.grow(false);
+    growth.finish();
+    growth.grow(false);
     if !after.is_empty() {
         growth.go_on(after)?;
         growth.grow(true);
     }
+    growth.finish();
     growth.adopt_launcher_if_near();
     let Growth { sightings, fitted, has_bounce, .. } = growth;
     Some(Path { sightings, fitted: Some(fitted), has_bounce })
@@ -151,8 +158,8 @@ impl<'a> Growth<'a> {
 
     fn refit(&mut self, sightings: Vec<Sighting>, start: &Unknowns) -> bool {
         let scene = scene(self.terms, self.launcher_m, self.has_bounce);
-        let fitted =
-            fit::from_sightings(&sightings, self.reference_ns, start, &self.prior, &scene);
+        let start = (start, self.fitted.noise);
+        let fitted = fit::roughly(&sightings, self.reference_ns, start, &self.prior, &scene);
         match fitted {
             Some(fitted) if sightings.len() >= N_TOKENS_MIN => {
                 (self.fitted, self.sightings) = (fitted, sightings);
@@ -160,6 +167,19 @@ impl<'a> Growth<'a> {
             }
             _ => false,
         }
+    }
+
+    /// To the last digit, with the noise as it is.
+    fn finish(&mut self) -> bool {
+        let scene = scene(self.terms, self.launcher_m, self.has_bounce);
+        let (start, prior) = (self.fitted.unknowns, &self.prior);
+        let fitted =
+            fit::from_sightings(&self.sightings, self.reference_ns, &start, prior, &scene);
+        if let Some(fitted) = fitted {
+            self.fitted = fitted;
+            return true;
+        }
+        false
     }
 
     /// Outwards, over gaps too, until there is nothing more.
@@ -226,8 +246,7 @@ impl<'a> Growth<'a> {
             .is_some_and(|inverse| off.dot(&(inverse * off)) < GATE_SIGMAS * GATE_SIGMAS);
         if is_near {
             self.launcher_m = Some(launcher);
-            let (sightings, start) = (self.sightings.clone(), self.fitted.unknowns);
-            self.refit(sightings, &start);
+            self.finish();
         }
     }
 
@@ -263,7 +282,7 @@ impl<'a> Growth<'a> {
             camera: kept.camera,
             t_ns: later_ns(kept.t_ns, row_px * eye.row_time_us * 1e-6),
             raw: crate::world::camera::RawPixel { x_px: 0.0, y_px: 0.0 },
-            covariance_px2: nalgebra::Matrix2::identity(),
+            covariance_px2: Matrix2::identity(),
         };
         let mut row = at_row(middle_px);
         let mut seen = self.fitted.seen(&row, rig)?;
@@ -277,13 +296,18 @@ impl<'a> Growth<'a> {
         if !span_s.contains(&time_s) || is_underground {
             return None;
         }
+        let across_px = self.fitted.speed_px_s(&row, rig)? * (eye.exposure_us * 1e-6);
+        let streak_px2 = Matrix2::identity() * (STREAK_SIGMA * across_px).powi(2);
         let doubt: SMatrix<f64, 2, 2> = slope * self.fitted.covariance * slope.transpose();
         if doubt.trace().sqrt() > DOUBT_MAX_PX {
             return None;
         }
         let reach_px = GATE_SIGMAS * doubt[(1, 1)].sqrt() + REACH_PX;
         kept.spots_in([expected_px.y - reach_px, expected_px.y + reach_px])
-            .map(|(_, spot)| spot.sighting)
+            .map(|(_, spot)| Sighting {
+                covariance_px2: spot.sighting.covariance_px2 + streak_px2,
+                ..spot.sighting
+            })
             .filter_map(|sighting| {
                 Some((self.fitted.distance(&sighting, rig, true)?, sighting))
             })

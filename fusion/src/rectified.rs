@@ -8,7 +8,7 @@
 //! are dropped and counted.
 
 use crate::candidates::FrameCandidates;
-use crate::world::camera::{RawPixel, RectifiedPixel};
+use crate::world::camera::{Lens, RawPixel, RectifiedPixel};
 use crate::world::rectification::Rectification;
 use crate::world::rig::Rig;
 use crate::{Dropped, Settings};
@@ -17,6 +17,12 @@ use shm_layout::{Camera, Candidate, StampNs};
 
 /// Part of a ball's diameter its centroid may be off by: one side is lit, the other in shadow.
 const SHADING_PER_DIAMETER: f64 = 0.05;
+
+/// Nearer to the image's edge than this, in addition to its radius, a ball may be cut.
+const CUT_MARGIN_PX: f64 = 1.5;
+
+/// 1 sigma of the centre of a ball that is cut, of its size.
+const CUT_SIGMA: f64 = 0.25;
 
 /// A detector that is surer of a centre than this does not know its own errors.
 const SIGMA_MIN_PX: f64 = 0.03;
@@ -92,7 +98,7 @@ pub fn from_candidates(
             camera,
             t_ns: frame.exposed_ns.saturating_add(row_ns),
             raw,
-            covariance_px2: covariance_of(spot, settings),
+            covariance_px2: covariance_of(spot, settings) + cut_px2(spot, &eye.lens),
         };
         spots.push(Rectified { sighting, pixel, size });
     }
@@ -112,6 +118,21 @@ fn covariance_of(spot: &Candidate, settings: &Settings) -> Matrix2<f64> {
     let diameter_px = size.map_or(0.0, |[width, height, _]| f64::midpoint(width, height));
     let sigma_px = settings.sigma_px.hypot(SHADING_PER_DIAMETER * diameter_px);
     Matrix2::identity() * sigma_px.powi(2) + least
+}
+
+/// A ball that the image's edge cuts has its centre too far inside.
+fn cut_px2(spot: &Candidate, lens: &Lens) -> Matrix2<f64> {
+    let Some([width_px, height_px, _]) = size_of(spot) else { return Matrix2::zeros() };
+    let is_cut = |place_px: f32, length_px: f64, side_px: u32| {
+        let reach_px = 0.5 * length_px + CUT_MARGIN_PX;
+        let last_px = f64::from(side_px) - 1.0;
+        let place_px = f64::from(place_px);
+        place_px - reach_px < 0.0 || place_px + reach_px > last_px
+    };
+    let [columns, rows] = lens.image_px();
+    let is_cut = is_cut(spot.x_px, width_px, columns) || is_cut(spot.y_px, height_px, rows);
+    let length_px = if is_cut { CUT_SIGMA * width_px.max(height_px) } else { 0.0 };
+    Matrix2::identity() * length_px.powi(2)
 }
 
 /// A size counts if all of it is known and none of it is nothing.

@@ -5,12 +5,16 @@
 //! ball at that time; nothing is triangulated and nothing is paired. Levenberg-Marquardt with exact
 //! derivatives; the 17 normal equations are solved by faer's Cholesky.
 //!
-//! **Robust**: beyond [`HUBER`] sigmas a sighting pulls only as hard as it would there (Huber), and
-//! what is farther off than a gate was never handed in ([`crate::path`]).
+//! **Robust**: noise is Student's t with [`FREEDOM`] degrees of freedom, so that a sighting pulls
+//! the less the farther off it is: a ball half behind the net's tape is off by ten times the noise.
+//! Gaussian noise costs 2 % of precision by it. What is farther off than a gate was never handed in
+//! ([`crate::path`]).
 //!
 //! **Noise**: a detector's own sigmas may be all too small or too large. Once fitted, each camera's
-//! are scaled so that its residuals are as large as they say, and the fit is repeated. So the
-//! covariance means what it says whatever the pixels are worth.
+//! are scaled to its residuals (maximum likelihood), and the fit is repeated. The covariance is the
+//! sandwich of M-estimation, `E ψ² / (E ψ′)²`, and is widened where residuals that follow each other
+//! are alike, `(1 + ρ)/(1 − ρ)`: a bias that lasts for some frames is not so many observations. So it
+//! means what it says whatever the pixels are worth.
 
 use crate::flight::model::{Model, Row, Span};
 use crate::flight::unknowns::{CLOCK, Column, Covariance, N, Prior, Unknowns};
@@ -22,15 +26,25 @@ use faer::linalg::solvers::{DenseSolveCore as _, Solve as _};
 use nalgebra::{Matrix2, Matrix2x3, Point3, SMatrix, Vector2};
 use shm_layout::{Camera, StampNs};
 
-/// Distance, in sigmas of both axes together, beyond which a sighting pulls no harder. 1.1 % of
-/// good ones lie beyond.
-const HUBER: f64 = 3.0;
+/// Degrees of freedom of the noise; fewer trust far sightings less.
+const FREEDOM: f64 = 5.0;
+
+/// Axes of an image.
+const AXES: f64 = 2.0;
 
 /// Most steps of one fit; five to eight are usual.
 const N_STEPS_MAX: usize = 25;
 
-/// A step this small, in sigmas, ends the fit.
+/// A step this small, in sigmas, ends a fit, and a rough one.
 const STEP_MIN: f64 = 1e-3;
+const ROUGH_STEP_MIN: f64 = 0.05;
+
+/// Rounds in which the noise is found.
+const N_NOISE_ROUNDS: usize = 6;
+
+/// Likeness of residuals that follow each other which is believed, in sigmas of what chance does.
+const LIKENESS_SIGMAS: f64 = 2.5;
+const LIKENESS_MAX: f64 = 0.9;
 
 /// Damping to begin with, its factors after a good and a bad step, and where to give up.
 const DAMPING: [f64; 4] = [1e-4, 0.2, 8.0, 1e8];
@@ -94,6 +108,14 @@ impl Fitted {
         slope_and_off(sighting, self.time_s(sighting), &self.model, rig)
     }
 
+    /// How fast the ball crosses a camera's image at a sighting's time.
+    #[must_use]
+    pub fn speed_px_s(&self, sighting: &Sighting, rig: &Rig) -> Option<f64> {
+        let ball = self.model.at(self.time_s(sighting));
+        let (_, by_point) = rig.raw_and_slope(sighting.camera, &ball.position_m)?;
+        Some((by_point * ball.velocity_m_s).norm())
+    }
+
     /// Mahalanobis distance of a sighting, in sigmas of its own noise and of the fit together, or
     /// of its own alone.
     #[must_use]
@@ -118,16 +140,27 @@ pub fn from_sightings(
     scene: &Scene,
 ) -> Option<Fitted> {
     let mut fit = Fit { sightings, reference_ns, prior, scene, noise: [1.0; 2] };
-    let mut unknowns = fit.minimised(*start)?;
+    let mut unknowns = fit.minimised(*start, ROUGH_STEP_MIN)?;
     if sightings.len() >= N_NOISE_MIN {
         fit.noise = fit.noise_of(&unknowns)?;
-        unknowns = fit.minimised(unknowns)?;
+        unknowns = fit.minimised(unknowns, STEP_MIN)?;
         fit.noise = fit.noise_of(&unknowns)?;
     }
-    let system = fit.system(&unknowns)?;
-    let model = fit.model(&unknowns);
-    let covariance = inverse(&system.normal)?;
-    Some(Fitted { reference_ns, unknowns, covariance, model, noise: fit.noise })
+    fit.fitted(unknowns)
+}
+
+/// The same for finding more sightings: the noise is taken as it was found before.
+#[must_use]
+pub fn roughly(
+    sightings: &[Sighting],
+    reference_ns: StampNs,
+    (start, noise): (&Unknowns, [f64; 2]),
+    prior: &Prior,
+    scene: &Scene,
+) -> Option<Fitted> {
+    let fit = Fit { sightings, reference_ns, prior, scene, noise };
+    let unknowns = fit.minimised(*start, ROUGH_STEP_MIN)?;
+    fit.fitted(unknowns)
 }
 
 /// The covariance no unbiased estimator is better than (Cramér-Rao, with what is known
@@ -142,7 +175,7 @@ pub fn bound(
 ) -> Option<Fitted> {
     let fit = Fit { sightings, reference_ns, prior, scene, noise: [1.0; 2] };
     let mut normal = prior.information;
-    let model = fit.model(truth);
+    let model = fit.model(truth, scene.reach_s);
     for sighting in sightings {
         let time_s = time_s(sighting, reference_ns, truth);
         if let Some((slope, _)) = slope_and_off(sighting, time_s, &model, scene.rig) {
@@ -167,12 +200,25 @@ struct Fit<'a> {
 /// Normal equations at some unknowns.
 struct System {
     normal: Covariance,
+    /// What the sightings would say if all were trusted alike.
+    pixels: Covariance,
+    /// How much wider than that the answer scatters.
+    spread: f64,
     gradient: Column,
     cost: f64,
 }
 
 impl Fit<'_> {
-    fn minimised(&self, start: Unknowns) -> Option<Unknowns> {
+    /// With covariance, and followed as far as the scene wants.
+    fn fitted(&self, unknowns: Unknowns) -> Option<Fitted> {
+        let system = self.system(&unknowns)?;
+        let covariance = inverse(&(self.prior.information + system.pixels / system.spread))?;
+        let model = self.model(&unknowns, self.scene.reach_s);
+        let Fit { reference_ns, noise, .. } = *self;
+        Some(Fitted { reference_ns, unknowns, covariance, model, noise })
+    }
+
+    fn minimised(&self, start: Unknowns, step_min: f64) -> Option<Unknowns> {
         let [mut damping, better, worse, damping_max] = DAMPING;
         let mut unknowns = start;
         let mut system = self.system(&unknowns)?;
@@ -188,7 +234,7 @@ impl Fit<'_> {
                     let size = step.dot(&(system.normal * step)).max(0.0).sqrt();
                     (unknowns, system) = (next, next_system);
                     damping *= better;
-                    if size < STEP_MIN {
+                    if size < step_min {
                         break;
                     }
                 }
@@ -203,39 +249,43 @@ impl Fit<'_> {
 
     /// None if the ball is behind a camera that saw it, or a number is not finite.
     fn system(&self, unknowns: &Unknowns) -> Option<System> {
-        let model = self.model(unknowns);
+        let reach_s = [if self.scene.launcher_m.is_some() { self.scene.reach_s[0] } else { 0.0 }, 0.0];
+        let model = self.model(unknowns, reach_s);
         let off_mean = unknowns.less(&self.prior.mean);
         let mut normal = self.prior.information;
         let mut gradient = self.prior.information * off_mean;
         let mut cost = self.prior.cost(unknowns);
+        let mut pixels = Covariance::zeros();
+        let mut scatter = Scatter::default();
         for sighting in self.sightings {
             let time_s = time_s(sighting, self.reference_ns, unknowns);
             let (slope, off) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
             let white = self.whitening(sighting)?;
             let (slope, off) = (white * slope, white * off);
-            let distance = off.norm();
-            let weight = if distance <= HUBER { 1.0 } else { HUBER / distance };
-            cost += if distance <= HUBER {
-                0.5 * distance * distance
-            } else {
-                HUBER * (distance - 0.5 * HUBER)
-            };
-            normal += slope.transpose() * slope * weight;
+            let square = off.norm_squared();
+            let weight = weight(square);
+            cost += 0.5 * (FREEDOM + AXES) * (square / FREEDOM).ln_1p();
+            let outer = slope.transpose() * slope;
+            normal += outer * weight;
+            pixels += outer;
             gradient += slope.transpose() * off * weight;
+            scatter.update(sighting.camera, &off, weight);
         }
         if let Some((slope, off)) = self.launcher(&model) {
-            normal += slope.transpose() * slope;
+            let outer = slope.transpose() * slope;
+            normal += outer;
+            pixels += outer;
             gradient += slope.transpose() * off;
             cost += 0.5 * off.norm_squared();
         }
-        cost.is_finite().then_some(System { normal, gradient, cost })
+        let spread = scatter.spread();
+        cost.is_finite().then_some(System { normal, pixels, spread, gradient, cost })
     }
 
-    fn model(&self, unknowns: &Unknowns) -> Model {
+    fn model(&self, unknowns: &Unknowns, [before_s, after_s]: [f64; 2]) -> Model {
         let time_of = |sighting: Option<&Sighting>| {
             sighting.map_or(0.0, |s| seconds_between(self.reference_ns, s.t_ns))
         };
-        let [before_s, after_s] = self.scene.reach_s;
         let span = Span {
             from_s: (time_of(self.sightings.first()) - MARGIN_S - before_s).min(0.0),
             to_s: (time_of(self.sightings.last()) + MARGIN_S + after_s).max(0.0),
@@ -262,29 +312,77 @@ impl Fit<'_> {
         Some(lower.try_inverse()? / noise)
     }
 
-    /// Noise of each camera, as a multiple of what its sightings say of themselves. Each counts at
-    /// most as an outlier on the edge.
+    /// Noise of each camera, as a multiple of what its sightings say of themselves: the scale of
+    /// Student's t that its residuals are likeliest under.
     fn noise_of(&self, unknowns: &Unknowns) -> Option<[f64; 2]> {
-        let model = self.model(unknowns);
-        let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
+        let model = self.model(unknowns, [0.0; 2]);
+        let mut squares: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
         for sighting in self.sightings {
             let time_s = time_s(sighting, self.reference_ns, unknowns);
             let (_, off) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
-            let square = (self.whitening(sighting)? * off).norm_squared().min(HUBER * HUBER);
-            sums[sighting.camera.idx()] += square;
-            counts[sighting.camera.idx()] += 2.0;
+            let white = self.whitening(sighting)?;
+            squares[sighting.camera.idx()].push((white * off).norm_squared());
         }
         // What the unknowns took up is missing from the residuals; both cameras share it.
-        let n = counts[0] + counts[1];
-        let free = (1.0 - N_FROM_PIXELS / n).max(0.2);
+        let free = (1.0 - N_FROM_PIXELS / (AXES * self.sightings.len() as f64)).max(0.2);
         let [smallest, largest] = NOISE_RANGE;
         let noise = [0, 1].map(|i| {
-            if counts[i] < N_NOISE_MIN as f64 {
+            if squares[i].len() < N_NOISE_MIN / 2 {
                 return self.noise[i];
             }
-            (self.noise[i] * (sums[i] / (counts[i] * free)).sqrt()).clamp(smallest, largest)
+            let mut scale2 = 1.0;
+            for _ in 0..N_NOISE_ROUNDS {
+                let sum: f64 = squares[i].iter().map(|s| weight(s / scale2) * s).sum();
+                scale2 = sum / (AXES * squares[i].len() as f64 * free);
+            }
+            (self.noise[i] * scale2.sqrt()).clamp(smallest, largest)
         });
         noise.iter().all(|scale| scale.is_finite()).then_some(noise)
+    }
+}
+
+/// How hard a sighting pulls at this squared distance, of what it would under Gaussian noise.
+fn weight(square: f64) -> f64 {
+    (FREEDOM + AXES) / (FREEDOM + square)
+}
+
+/// What residuals tell of how an estimate scatters.
+#[derive(Default)]
+struct Scatter {
+    n: f64,
+    psi2: f64,
+    psi_slope: f64,
+    last: [Option<Vector2<f64>>; 2],
+    n_following: f64,
+    product: f64,
+    square: f64,
+}
+
+impl Scatter {
+    fn update(&mut self, camera: Camera, off: &Vector2<f64>, weight: f64) {
+        let square = off.norm_squared();
+        let pull = off * weight;
+        self.n += 1.0;
+        self.psi2 += pull.norm_squared() / AXES;
+        // Mean of the derivative of the pull by both axes.
+        self.psi_slope += weight - square * weight / (FREEDOM + square);
+        self.square += pull.norm_squared();
+        if let Some(last) = self.last[camera.idx()].replace(pull) {
+            self.product += last.dot(&pull);
+            self.n_following += AXES;
+        }
+    }
+
+    /// Variance of the estimate as a multiple of that of equal trust.
+    fn spread(&self) -> f64 {
+        if self.n < N_NOISE_MIN as f64 {
+            return 1.0;
+        }
+        let sandwich = (self.psi2 / self.n) / (self.psi_slope / self.n).powi(2);
+        let likeness = self.product / self.square;
+        let by_chance = LIKENESS_SIGMAS / self.n_following.sqrt();
+        let rho = if likeness > by_chance { likeness.min(LIKENESS_MAX) } else { 0.0 };
+        sandwich * (1.0 + rho) / (1.0 - rho)
     }
 }
 

@@ -22,7 +22,7 @@ use crate::world::ball::Physics;
 use nalgebra::{Matrix3, Point3, SMatrix, Vector2, Vector3};
 
 /// Step of the integrator and distance of the kept states.
-pub const STEP_S: f64 = 0.02;
+pub const STEP_S: f64 = 0.04;
 
 /// Time in which spin falls to 1/e; published estimates lie between 8 and 20 s. Within a flight
 /// that is less than a tenth, which no flight shows.
