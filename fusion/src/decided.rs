@@ -93,23 +93,13 @@ impl Decider {
         if is_from_elsewhere(tracklet, &terms.world) {
             return Verdict::Rejected(Rejection::NotFromLauncher);
         }
-        if std::env::var("DBG").is_ok() {
-            let n = |c, b| tracklet.tokens.iter().filter(|t| t.id.camera == c && t.n_bounces == b).count();
-            use shm_layout::Camera::*;
-            eprintln!("tracklet {} tokens L{}/{} R{}/{} from {:.3} to {:.3} last {:.3} state {:?}", tracklet.tokens.len(), n(Left,0), n(Left,1), n(Right,0), n(Right,1), tracklet.tokens[0].t_ns as f64*1e-9, tracklet.motion.t_ns as f64*1e-9, tracklet.last_ns() as f64*1e-9, tracklet.motion.state);
-            if let Some(p) = path::along(tracklet, history, terms) {
-                if let Some(f) = &p.fitted { for g in &p.sightings { let (_, off) = f.seen(g, terms.world.rig).unwrap(); let at = f.model.at(f.time_s(g)); eprintln!("RES {} {:.2} {:.2} {:+.3} {:+.3} {:.3}", g.camera, at.position_m.y, at.position_m.z, -off.x, -off.y, g.sigma_px()); } }
-                let n = |c| p.sightings.iter().filter(|t| t.camera == c).count();
-                eprintln!("path {} {} bounce {} {:?} noise {:?}", n(Left), n(Right), p.has_bounce, p.fitted.as_ref().map(|f| f.unknowns), p.fitted.as_ref().map(|f| f.noise));
-            }
-        }
         let Some(path) = path::along(tracklet, history, terms) else {
             return Verdict::Rejected(Rejection::TooShort);
         };
         if self.shares_too_much(path.sightings.iter()) {
             return Verdict::Rejected(Rejection::SameBall);
         }
-        let verdict = match (fit, Flight::from_path(&path)) {
+        let verdict = match (fit, Flight::from_path(&path, terms.centre_sigma_m)) {
             (Fit::Physics, Some(flight)) => shot::from_flight(&flight, terms.world.rig),
             _ => {
                 let points =

@@ -86,6 +86,9 @@ pub struct Settings {
     /// 1 sigma of the ground's height where a ball bounces: how flat the court is and how well the
     /// rig knows it. A millimetre is 2 to 4 along the flight.
     pub ground_sigma_m: f64,
+    /// 1 sigma, each axis, by which the sunlit side pulls all centres of a ball alike, so that no
+    /// residual shows it.
+    pub centre_sigma_m: f64,
 }
 
 impl Default for Settings {
@@ -98,6 +101,7 @@ impl Default for Settings {
             fit: Fit::Physics,
             air_density_kg_m3: air::DENSITY_KG_M3,
             ground_sigma_m: 2e-4,
+            centre_sigma_m: 8e-4,
         }
     }
 }
@@ -285,7 +289,8 @@ impl Fusion {
     fn decided(&mut self, now_ns: Option<StampNs>) -> Vec<Shot> {
         let clock_s = self.clock.offset_s(self.now_ns);
         let world = World { rig: &self.rig, physics: &self.physics, clock_s };
-        let terms = Terms { world, ground_sigma_m: self.settings.ground_sigma_m };
+        let Settings { ground_sigma_m, centre_sigma_m, .. } = self.settings;
+        let terms = Terms { world, ground_sigma_m, centre_sigma_m };
         self.decider.update(
             &mut self.tracklets,
             now_ns,

@@ -66,6 +66,8 @@ pub struct Terms<'a> {
     pub world: World<'a>,
     /// 1 sigma of the ground's height.
     pub ground_sigma_m: f64,
+    /// 1 sigma by which all centres may be off together.
+    pub centre_sigma_m: f64,
 }
 
 /// Gathers the sightings of a tracklet's ball; None if there are too few for a flight.
@@ -94,6 +96,12 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
     growth.adopt_launcher_if_near();
     let Growth { sightings, fitted, has_bounce, .. } = growth;
     Some(Path { sightings, fitted: Some(fitted), has_bounce })
+}
+
+/// Whether these are the same spots.
+fn is_same(a: &[Sighting], b: &[Sighting]) -> bool {
+    let spot = |s: &Sighting| (s.camera, s.t_ns, s.raw);
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| spot(a) == spot(b))
 }
 
 /// By time on the left clock.
@@ -143,7 +151,7 @@ impl<'a> Growth<'a> {
         };
         let prior = Prior::new(&start, &known);
         let scene = scene(terms, None, false);
-        let fitted = fit::from_sightings(&sightings, reference_ns, &start, &prior, &scene)?;
+        let fitted = fit::roughly(&sightings, reference_ns, (&start, [1.0; 2]), &prior, &scene)?;
         Some(Self {
             sightings,
             fitted,
@@ -172,9 +180,9 @@ impl<'a> Growth<'a> {
     /// To the last digit, with the noise as it is.
     fn finish(&mut self) -> bool {
         let scene = scene(self.terms, self.launcher_m, self.has_bounce);
-        let (start, prior) = (self.fitted.unknowns, &self.prior);
-        let fitted =
-            fit::from_sightings(&self.sightings, self.reference_ns, &start, prior, &scene);
+        let start = (&self.fitted.unknowns, self.fitted.noise);
+        let (sightings, prior) = (&self.sightings, &self.prior);
+        let fitted = fit::from_sightings(sightings, self.reference_ns, start, prior, &scene);
         if let Some(fitted) = fitted {
             self.fitted = fitted;
             return true;
@@ -189,7 +197,7 @@ impl<'a> Growth<'a> {
         for _ in 0..N_ROUNDS_MAX {
             span_s = [span_s[0] - GROWTH_S, span_s[1] + GROWTH_S];
             let (gathered, is_all) = self.gathered(span_s, is_after);
-            if gathered == self.sightings {
+            if is_same(&gathered, &self.sightings) {
                 if is_all {
                     break;
                 }
@@ -292,7 +300,7 @@ impl<'a> Growth<'a> {
         }
         let (slope, expected_px) = seen;
         let time_s = self.fitted.time_s(&row);
-        let is_underground = self.fitted.model.at(time_s).position_m.z < 0.0;
+        let is_underground = self.fitted.model.place_at(time_s).position_m.z < 0.0;
         if !span_s.contains(&time_s) || is_underground {
             return None;
         }

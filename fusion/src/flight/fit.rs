@@ -36,8 +36,11 @@ const AXES: f64 = 2.0;
 const N_STEPS_MAX: usize = 25;
 
 /// A step this small, in sigmas, ends a fit, and a rough one.
-const STEP_MIN: f64 = 1e-3;
-const ROUGH_STEP_MIN: f64 = 0.05;
+const STEP_MIN: f64 = 0.01;
+const ROUGH_STEP_MIN: f64 = 0.2;
+
+/// Least curvature of the cost, of what the weights say.
+const CURVATURE_MIN: f64 = 0.6;
 
 /// Rounds in which the noise is found.
 const N_NOISE_ROUNDS: usize = 6;
@@ -47,7 +50,7 @@ const LIKENESS_SIGMAS: f64 = 2.5;
 const LIKENESS_MAX: f64 = 0.9;
 
 /// Damping to begin with, its factors after a good and a bad step, and where to give up.
-const DAMPING: [f64; 4] = [1e-4, 0.2, 8.0, 1e8];
+const DAMPING: [f64; 4] = [1e-10, 0.1, 100.0, 1e6];
 
 /// Fewest sightings that tell their own noise.
 const N_NOISE_MIN: usize = 12;
@@ -61,8 +64,8 @@ const N_FROM_PIXELS: f64 = 9.0;
 /// How far on either side of the sightings a flight is followed.
 const MARGIN_S: f64 = 0.05;
 
-/// 1 sigma of where the machine lets go of the ball.
-pub const LAUNCHER_SIGMA_M: f64 = 0.05;
+/// 1 sigma of where the machine lets go of the ball: "known to a few centimetres".
+pub const LAUNCHER_SIGMA_M: f64 = 0.025;
 
 /// What is not fitted.
 #[derive(Debug, Clone, Copy)]
@@ -111,7 +114,7 @@ impl Fitted {
     /// How fast the ball crosses a camera's image at a sighting's time.
     #[must_use]
     pub fn speed_px_s(&self, sighting: &Sighting, rig: &Rig) -> Option<f64> {
-        let ball = self.model.at(self.time_s(sighting));
+        let ball = self.model.place_at(self.time_s(sighting));
         let (_, by_point) = rig.raw_and_slope(sighting.camera, &ball.position_m)?;
         Some((by_point * ball.velocity_m_s).norm())
     }
@@ -135,16 +138,18 @@ impl Fitted {
 pub fn from_sightings(
     sightings: &[Sighting],
     reference_ns: StampNs,
-    start: &Unknowns,
+    start: (&Unknowns, [f64; 2]),
     prior: &Prior,
     scene: &Scene,
 ) -> Option<Fitted> {
-    let mut fit = Fit { sightings, reference_ns, prior, scene, noise: [1.0; 2] };
+    let (start, noise) = start;
+    let mut fit = Fit { sightings, reference_ns, prior, scene, noise, spread: 1.0 };
     let mut unknowns = fit.minimised(*start, ROUGH_STEP_MIN)?;
     if sightings.len() >= N_NOISE_MIN {
         fit.noise = fit.noise_of(&unknowns)?;
+        fit.spread = fit.system(&unknowns)?.spread;
         unknowns = fit.minimised(unknowns, STEP_MIN)?;
-        fit.noise = fit.noise_of(&unknowns)?;
+        fit.spread = fit.system(&unknowns)?.spread;
     }
     fit.fitted(unknowns)
 }
@@ -158,8 +163,9 @@ pub fn roughly(
     prior: &Prior,
     scene: &Scene,
 ) -> Option<Fitted> {
-    let fit = Fit { sightings, reference_ns, prior, scene, noise };
+    let mut fit = Fit { sightings, reference_ns, prior, scene, noise, spread: 1.0 };
     let unknowns = fit.minimised(*start, ROUGH_STEP_MIN)?;
+    fit.spread = fit.system(&unknowns)?.spread;
     fit.fitted(unknowns)
 }
 
@@ -173,7 +179,8 @@ pub fn bound(
     prior: &Prior,
     scene: &Scene,
 ) -> Option<Fitted> {
-    let fit = Fit { sightings, reference_ns, prior, scene, noise: [1.0; 2] };
+    let noise = [1.0; 2];
+    let fit = Fit { sightings, reference_ns, prior, scene, noise, spread: 1.0 };
     let mut normal = prior.information;
     let model = fit.model(truth, scene.reach_s);
     for sighting in sightings {
@@ -195,11 +202,15 @@ struct Fit<'a> {
     prior: &'a Prior,
     scene: &'a Scene<'a>,
     noise: [f64; 2],
+    /// Variance of what the sightings say, as a multiple of that of independent Gaussian noise.
+    spread: f64,
 }
 
 /// Normal equations at some unknowns.
 struct System {
     normal: Covariance,
+    /// What is known without them.
+    known: Covariance,
     /// What the sightings would say if all were trusted alike.
     pixels: Covariance,
     /// How much wider than that the answer scatters.
@@ -212,7 +223,7 @@ impl Fit<'_> {
     /// With covariance, and followed as far as the scene wants.
     fn fitted(&self, unknowns: Unknowns) -> Option<Fitted> {
         let system = self.system(&unknowns)?;
-        let covariance = inverse(&(self.prior.information + system.pixels / system.spread))?;
+        let covariance = inverse(&(system.known + system.pixels / self.spread))?;
         let model = self.model(&unknowns, self.scene.reach_s);
         let Fit { reference_ns, noise, .. } = *self;
         Some(Fitted { reference_ns, unknowns, covariance, model, noise })
@@ -252,9 +263,15 @@ impl Fit<'_> {
         let reach_s = [if self.scene.launcher_m.is_some() { self.scene.reach_s[0] } else { 0.0 }, 0.0];
         let model = self.model(unknowns, reach_s);
         let off_mean = unknowns.less(&self.prior.mean);
-        let mut normal = self.prior.information;
+        let mut known = self.prior.information;
         let mut gradient = self.prior.information * off_mean;
         let mut cost = self.prior.cost(unknowns);
+        if let Some((slope, off)) = self.launcher(&model) {
+            known += slope.transpose() * slope;
+            gradient += slope.transpose() * off;
+            cost += 0.5 * off.norm_squared();
+        }
+        let mut trusted = Covariance::zeros();
         let mut pixels = Covariance::zeros();
         let mut scatter = Scatter::default();
         for sighting in self.sightings {
@@ -264,22 +281,20 @@ impl Fit<'_> {
             let (slope, off) = (white * slope, white * off);
             let square = off.norm_squared();
             let weight = weight(square);
-            cost += 0.5 * (FREEDOM + AXES) * (square / FREEDOM).ln_1p();
-            let outer = slope.transpose() * slope;
-            normal += outer * weight;
-            pixels += outer;
-            gradient += slope.transpose() * off * weight;
+            let trust = 1.0 / self.spread;
+            cost += 0.5 * trust * (FREEDOM + AXES) * (square / FREEDOM).ln_1p();
+            add_outer(&mut trusted, &slope, weight * trust);
+            add_outer(&mut pixels, &slope, 1.0);
+            gradient += slope.transpose() * off * (weight * trust);
             scatter.update(sighting.camera, &off, weight);
         }
-        if let Some((slope, off)) = self.launcher(&model) {
-            let outer = slope.transpose() * slope;
-            normal += outer;
-            pixels += outer;
-            gradient += slope.transpose() * off;
-            cost += 0.5 * off.norm_squared();
-        }
         let spread = scatter.spread();
-        cost.is_finite().then_some(System { normal, pixels, spread, gradient, cost })
+        // Weights that fall with distance make the true curvature less: without this each step
+        // leaves a third of the way, with it a tenth.
+        trusted.fill_lower_triangle_with_upper_triangle();
+        pixels.fill_lower_triangle_with_upper_triangle();
+        let normal = known + trusted * scatter.curvature();
+        cost.is_finite().then_some(System { normal, known, pixels, spread, gradient, cost })
     }
 
     fn model(&self, unknowns: &Unknowns, [before_s, after_s]: [f64; 2]) -> Model {
@@ -308,8 +323,13 @@ impl Fit<'_> {
     /// Turns pixels into sigmas.
     fn whitening(&self, sighting: &Sighting) -> Option<Matrix2<f64>> {
         let noise = self.noise[sighting.camera.idx()];
-        let lower = sighting.covariance_px2.cholesky()?.l();
-        Some(lower.try_inverse()? / noise)
+        // The inverse of the Cholesky factor, written out.
+        let c = &sighting.covariance_px2;
+        let a = c[(0, 0)].sqrt();
+        let b = c[(0, 1)] / a;
+        let d = (c[(1, 1)] - b * b).sqrt();
+        let white = Matrix2::new(1.0 / a, 0.0, -b / (a * d), 1.0 / d) / noise;
+        white.iter().all(|v| v.is_finite()).then_some(white)
     }
 
     /// Noise of each camera, as a multiple of what its sightings say of themselves: the scale of
@@ -341,6 +361,16 @@ impl Fit<'_> {
     }
 }
 
+/// Adds `w sᵀ s` to the upper triangle.
+fn add_outer(matrix: &mut Covariance, slope: &SMatrix<f64, 2, N>, weight: f64) {
+    for column in 0..N {
+        let [x, y] = [slope[(0, column)] * weight, slope[(1, column)] * weight];
+        for row in 0..=column {
+            matrix[(row, column)] += x * slope[(0, row)] + y * slope[(1, row)];
+        }
+    }
+}
+
 /// How hard a sighting pulls at this squared distance, of what it would under Gaussian noise.
 fn weight(square: f64) -> f64 {
     (FREEDOM + AXES) / (FREEDOM + square)
@@ -352,6 +382,7 @@ struct Scatter {
     n: f64,
     psi2: f64,
     psi_slope: f64,
+    weight: f64,
     last: [Option<Vector2<f64>>; 2],
     n_following: f64,
     product: f64,
@@ -366,11 +397,17 @@ impl Scatter {
         self.psi2 += pull.norm_squared() / AXES;
         // Mean of the derivative of the pull by both axes.
         self.psi_slope += weight - square * weight / (FREEDOM + square);
+        self.weight += weight;
         self.square += pull.norm_squared();
         if let Some(last) = self.last[camera.idx()].replace(pull) {
             self.product += last.dot(&pull);
             self.n_following += AXES;
         }
+    }
+
+    /// Curvature of the cost as a part of what the weights alone say.
+    fn curvature(&self) -> f64 {
+        if self.n > 0.0 { (self.psi_slope / self.weight).clamp(CURVATURE_MIN, 1.0) } else { 1.0 }
     }
 
     /// Variance of the estimate as a multiple of that of equal trust.
@@ -401,7 +438,7 @@ fn slope_and_off(
     model: &Model,
     rig: &Rig,
 ) -> Option<(SMatrix<f64, 2, N>, Vector2<f64>)> {
-    let ball = model.at(time_s);
+    let ball = model.place_at(time_s);
     let (raw, by_point): (_, Matrix2x3<f64>) = rig.raw_and_slope(sighting.camera, &ball.position_m)?;
     let mut slope = by_point * ball.d_position;
     if sighting.camera == Camera::Right {

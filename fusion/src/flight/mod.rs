@@ -6,7 +6,7 @@
 //! unknowns through its own derivative.
 //!
 //! What no residual shows: the sunlit side pulls a ball's centre in every frame and both cameras
-//! alike. [`CENTRE_SIGMA_M`] of it is added to every position.
+//! alike. [`Settings::centre_sigma_m`](crate::Settings) of it is added to every position.
 
 pub mod fit;
 pub mod model;
@@ -22,9 +22,6 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, Vector3};
 use shm_layout::StampNs;
 use unknowns::{CLOCK, N, SPIN, spin_axes};
 
-/// 1 sigma, each axis, by which all centres may be off together.
-pub const CENTRE_SIGMA_M: f64 = 5e-4;
-
 /// Scatter of lift from ball to ball, as a part of it (Cross & Lindsey 2014: 10-15 %): how well a
 /// spin is known from the lift it makes.
 const LIFT_SCATTER: f64 = 0.1;
@@ -35,14 +32,15 @@ pub struct Flight {
     fitted: Fitted,
     sightings: Vec<Sighting>,
     has_bounce: bool,
+    centre_sigma_m: f64,
 }
 
 impl Flight {
-    /// Of a path; None without a court.
+    /// Of a path; None without a court. The sigma is that by which all centres may be off together.
     #[must_use]
-    pub fn from_path(path: &Path) -> Option<Self> {
-        let fitted = path.fitted.clone()?;
-        Some(Self { fitted, sightings: path.sightings.clone(), has_bounce: path.has_bounce })
+    pub fn from_path(path: &Path, centre_sigma_m: f64) -> Option<Self> {
+        let Path { sightings, has_bounce, .. } = path.clone();
+        Some(Self { fitted: path.fitted.clone()?, sightings, has_bounce, centre_sigma_m })
     }
 
     /// Whether it was seen after a bounce.
@@ -105,7 +103,7 @@ impl Flight {
     pub fn position_covariance_m2(&self, instant: &Instant) -> Matrix3<f64> {
         let d = &instant.d_position;
         d * self.fitted.covariance * d.transpose()
-            + Matrix3::identity() * CENTRE_SIGMA_M.powi(2)
+            + Matrix3::identity() * self.centre_sigma_m.powi(2)
     }
 
     /// Covariance of x and y where the ball touches the ground: centres that are too high let it
@@ -116,7 +114,7 @@ impl Flight {
         let v = touch.velocity_m_s;
         let along = v.xy() / v.z;
         let centre = Matrix2::identity() + along * along.transpose();
-        d * self.fitted.covariance * d.transpose() + centre * CENTRE_SIGMA_M.powi(2)
+        d * self.fitted.covariance * d.transpose() + centre * self.centre_sigma_m.powi(2)
     }
 
     /// Covariance of the velocity at an instant.

@@ -11,7 +11,7 @@
 use crate::flight::unknowns::{CLOCK, DRAG, GROUND, N, OUT, SPIN, Slope, Unknowns};
 use crate::world::ball::Physics;
 use crate::world::rebound;
-use crate::world::trajectory::{Aloft, COLUMNS, Sensitivity, Trajectory, spin_left};
+use crate::world::trajectory::{Aloft, COLUMNS, Here, Sensitivity, Trajectory, spin_left};
 use nalgebra::{Matrix3, Point3, RowSVector, Vector3};
 
 /// A row of derivatives by all unknowns.
@@ -116,6 +116,15 @@ impl Model {
         }
     }
 
+    /// The same without the velocity's derivative, which is left zero: what a pixel depends on.
+    #[must_use]
+    pub fn place_at(&self, t_s: f64) -> Instant {
+        match (&self.after, &self.touch) {
+            (Some(rise), Some(touch)) if t_s > touch.t_s => rise.place_at(t_s, touch),
+            _ => widened(t_s, &self.before.place_at(t_s)),
+        }
+    }
+
     /// When, from `from_s` on, the ball passes a plane before its bounce, upwards of its axis.
     #[must_use]
     pub fn passing(&self, axis: usize, level_m: f64, from_s: f64) -> Option<Instant> {
@@ -124,27 +133,14 @@ impl Model {
     }
 
     fn before_bounce_at(&self, t_s: f64) -> Instant {
-        let here = self.before.at(t_s);
-        let widened = |by: &Sensitivity| {
-            let mut slope = Slope::zeros();
-            slope.fixed_columns_mut::<COLUMNS>(0).copy_from(by);
-            slope
-        };
-        Instant {
-            t_s,
-            d_t: Row::zeros(),
-            position_m: here.position_m,
-            velocity_m_s: here.velocity_m_s,
-            d_position: widened(&here.d_position),
-            d_velocity: widened(&here.d_velocity),
-        }
+        widened(t_s, &self.before.at(t_s))
     }
 
     /// The instant of a crossing, which moves with the unknowns.
     fn crossing(&self, t_s: f64, axis: usize, d_level: &Row) -> Instant {
         let here = self.before_bounce_at(t_s);
         let d_t = (d_level - here.d_position.row(axis)) / here.velocity_m_s[axis];
-        let velocity_at = |t_s: f64| self.before.at(t_s).velocity_m_s;
+        let velocity_at = |t_s: f64| self.before.place_at(t_s).velocity_m_s;
         let acceleration = (velocity_at(t_s + ACCELERATION_STEP_S)
             - velocity_at(t_s - ACCELERATION_STEP_S))
             / (2.0 * ACCELERATION_STEP_S);
@@ -185,29 +181,54 @@ impl Rise {
 
     fn at(&self, t_s: f64, touch: &Instant) -> Instant {
         let since_s = t_s - touch.t_s;
-        let here = self.trajectory.at(since_s);
-        let velocity_at = |t_s: f64| self.trajectory.at(t_s).velocity_m_s;
+        let velocity_at = |t_s: f64| self.trajectory.place_at(t_s).velocity_m_s;
         let acceleration = (velocity_at(since_s + ACCELERATION_STEP_S)
             - velocity_at(since_s - ACCELERATION_STEP_S))
             / (2.0 * ACCELERATION_STEP_S);
-        let chained = |by: &Sensitivity, rate: &Vector3<f64>| {
-            let mut slope = by.fixed_columns::<3>(0) * touch.d_position
-                + by.fixed_columns::<3>(SPIN) * self.d_spin
-                - rate * touch.d_t;
-            let mut out = slope.fixed_columns_mut::<3>(OUT);
-            out += by.fixed_columns::<3>(3);
-            let mut air = slope.fixed_columns_mut::<3>(DRAG);
-            air += by.fixed_columns::<3>(DRAG);
-            slope
-        };
+        let here = self.trajectory.at(since_s);
+        let d_velocity = self.chained(&here.d_velocity, &acceleration, touch);
+        Instant { d_velocity, ..self.place_at(t_s, touch) }
+    }
+
+    fn place_at(&self, t_s: f64, touch: &Instant) -> Instant {
+        let here = self.trajectory.place_at(t_s - touch.t_s);
         Instant {
             t_s,
             d_t: Row::zeros(),
             position_m: here.position_m,
             velocity_m_s: here.velocity_m_s,
-            d_position: chained(&here.d_position, &here.velocity_m_s),
-            d_velocity: chained(&here.d_velocity, &acceleration),
+            d_position: self.chained(&here.d_position, &here.velocity_m_s, touch),
+            d_velocity: Slope::zeros(),
         }
+    }
+
+    /// From what the rise depends on to what all depends on; the rate is for its start moving.
+    fn chained(&self, by: &Sensitivity, rate: &Vector3<f64>, touch: &Instant) -> Slope {
+        let mut slope = by.fixed_columns::<3>(0) * touch.d_position
+            + by.fixed_columns::<3>(SPIN) * self.d_spin
+            - rate * touch.d_t;
+        let mut out = slope.fixed_columns_mut::<3>(OUT);
+        out += by.fixed_columns::<3>(3);
+        let mut air = slope.fixed_columns_mut::<3>(DRAG);
+        air += by.fixed_columns::<3>(DRAG);
+        slope
+    }
+}
+
+/// By all unknowns instead of those of a trajectory.
+fn widened(t_s: f64, here: &Here) -> Instant {
+    let widened = |by: &Sensitivity| {
+        let mut slope = Slope::zeros();
+        slope.fixed_columns_mut::<COLUMNS>(0).copy_from(by);
+        slope
+    };
+    Instant {
+        t_s,
+        d_t: Row::zeros(),
+        position_m: here.position_m,
+        velocity_m_s: here.velocity_m_s,
+        d_position: widened(&here.d_position),
+        d_velocity: widened(&here.d_velocity),
     }
 }
 

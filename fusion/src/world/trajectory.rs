@@ -79,6 +79,18 @@ struct Knot {
     d_velocity: Sensitivity,
 }
 
+/// Weights of position and velocity of two knots, for the position, and of the fall from one to the
+/// other and of both velocities, for the velocity.
+struct Curve {
+    pa: f64,
+    va: f64,
+    pb: f64,
+    vb: f64,
+    falls: f64,
+    falls_a: f64,
+    falls_b: f64,
+}
+
 /// A flight around time 0.
 #[derive(Clone)]
 pub struct Trajectory {
@@ -120,35 +132,57 @@ impl Trajectory {
     /// The ball at a time; beyond the ends the last curve goes on.
     #[must_use]
     pub fn at(&self, t_s: f64) -> Here {
-        let place = (t_s - self.first_s) / STEP_S;
-        let idx = (place.max(0.0) as usize).min(self.knots.len() - 2);
-        let (a, b) = (&self.knots[idx], &self.knots[idx + 1]);
-        let s = place - idx as f64;
-        let (s2, s3) = (s * s, s * s * s);
-        let (pa, va) = (2.0 * s3 - 3.0 * s2 + 1.0, (s3 - 2.0 * s2 + s) * STEP_S);
-        let (pb, vb) = (3.0 * s2 - 2.0 * s3, (s3 - s2) * STEP_S);
-        let (dpa, dva) = ((6.0 * s2 - 6.0 * s) / STEP_S, 3.0 * s2 - 4.0 * s + 1.0);
-        let dvb = 3.0 * s2 - 2.0 * s;
+        let (a, b, curve) = self.around(t_s);
+        let place = self.place_at(t_s);
+        let d_velocity = (a.d_position - b.d_position) * curve.falls
+            + a.d_velocity * curve.falls_a
+            + b.d_velocity * curve.falls_b;
+        Here { d_velocity, ..place }
+    }
+
+    /// The same without the velocity's derivative, which is left zero: what a pixel depends on.
+    #[must_use]
+    pub fn place_at(&self, t_s: f64) -> Here {
+        let (a, b, curve) = self.around(t_s);
+        let Curve { pa, va, pb, vb, falls, falls_a, falls_b } = curve;
         let position =
             a.position_m * pa + a.velocity_m_s * va + b.position_m * pb + b.velocity_m_s * vb;
         Here {
             position_m: Point3::from(position),
-            velocity_m_s: (a.position_m - b.position_m) * dpa
-                + a.velocity_m_s * dva
-                + b.velocity_m_s * dvb,
+            velocity_m_s: (a.position_m - b.position_m) * falls
+                + a.velocity_m_s * falls_a
+                + b.velocity_m_s * falls_b,
             d_position: a.d_position * pa
                 + a.d_velocity * va
                 + b.d_position * pb
                 + b.d_velocity * vb,
-            d_velocity: (a.d_position - b.d_position) * dpa + a.d_velocity * dva + b.d_velocity * dvb,
+            d_velocity: Sensitivity::zeros(),
         }
+    }
+
+    /// The knots around a time, and the weights of the cubic Hermite curve between them.
+    fn around(&self, t_s: f64) -> (&Knot, &Knot, Curve) {
+        let place = (t_s - self.first_s) / STEP_S;
+        let idx = (place.max(0.0) as usize).min(self.knots.len() - 2);
+        let s = place - idx as f64;
+        let (s2, s3) = (s * s, s * s * s);
+        let curve = Curve {
+            pa: 2.0 * s3 - 3.0 * s2 + 1.0,
+            va: (s3 - 2.0 * s2 + s) * STEP_S,
+            pb: 3.0 * s2 - 2.0 * s3,
+            vb: (s3 - s2) * STEP_S,
+            falls: (6.0 * s2 - 6.0 * s) / STEP_S,
+            falls_a: 3.0 * s2 - 4.0 * s + 1.0,
+            falls_b: 3.0 * s2 - 2.0 * s,
+        };
+        (&self.knots[idx], &self.knots[idx + 1], curve)
     }
 
     /// First time from `from_s` on at which a coordinate (0 is x) passes `level` in the direction
     /// of `sign`; None if it does not.
     #[must_use]
     pub fn time_at_level(&self, axis: usize, level: f64, sign: f64, from_s: f64) -> Option<f64> {
-        let value = |t_s: f64| sign * (self.at(t_s).position_m[axis] - level);
+        let value = |t_s: f64| sign * (self.place_at(t_s).position_m[axis] - level);
         let n_before = ((from_s - self.first_s) / STEP_S).max(0.0) as usize;
         let time_of = |idx: usize| (self.first_s + idx as f64 * STEP_S).max(from_s);
         let passing = (n_before + 1..self.knots.len())
@@ -157,7 +191,7 @@ impl Trajectory {
         let (mut low_s, mut high_s) = (time_of(passing - 1), time_of(passing));
         let mut t_s = 0.5 * (low_s + high_s);
         for _ in 0..20 {
-            let here = self.at(t_s);
+            let here = self.place_at(t_s);
             let off = sign * (here.position_m[axis] - level);
             if off < 0.0 { low_s = t_s } else { high_s = t_s }
             let next_s = t_s - off / (sign * here.velocity_m_s[axis]);

@@ -143,11 +143,18 @@ impl Cell {
 
     /// What `fusion` is told.
     pub fn settings(&self) -> Settings {
-        let sigma_px = match self.level {
-            Level::Candidates(sight) => sight.sigma_px,
-            Level::Pixels(_) => SIGMA_OF_WORKERS_PX,
-        };
-        Settings { sigma_px, ..Settings::default() }
+        match self.level {
+            // Nothing shines on candidates that are drawn, and their ground is where it is said.
+            Level::Candidates(sight) => Settings {
+                sigma_px: sight.sigma_px,
+                centre_sigma_m: 0.0,
+                ground_sigma_m: 1e-5,
+                ..Settings::default()
+            },
+            Level::Pixels(_) => {
+                Settings { sigma_px: SIGMA_OF_WORKERS_PX, ..Settings::default() }
+            }
+        }
     }
 
     /// Whether frames are rendered for it, which takes a second for each camera and shot.
