@@ -58,8 +58,8 @@ const N_NOISE_MIN: usize = 12;
 /// How far the noise may be from what the detector says.
 const NOISE_RANGE: [f64; 2] = [0.2, 10.0];
 
-/// Unknowns that pixels determine; the others are held by what is known beforehand.
-const N_FROM_PIXELS: f64 = 9.0;
+/// Least part of the residuals that is taken to be free.
+const FREE_MIN: f64 = 0.3;
 
 /// How far on either side of the sightings a flight is followed.
 const MARGIN_S: f64 = 0.05;
@@ -223,7 +223,13 @@ impl Fit<'_> {
     /// With covariance, and followed as far as the scene wants.
     fn fitted(&self, unknowns: Unknowns) -> Option<Fitted> {
         let system = self.system(&unknowns)?;
-        let covariance = inverse(&(system.known + system.pixels / self.spread))?;
+        let pixels = system.pixels / self.spread;
+        let covariance = inverse(&(system.known + pixels))?;
+        // What the unknowns took up is missing from the residuals that told the spread.
+        let n_taken = (covariance * pixels).trace();
+        let n_residuals = AXES * self.sightings.len() as f64;
+        let free = (1.0 - n_taken / n_residuals).max(FREE_MIN);
+        let covariance = inverse(&(system.known + pixels * free))?;
         let model = self.model(&unknowns, self.scene.reach_s);
         let Fit { reference_ns, noise, .. } = *self;
         Some(Fitted { reference_ns, unknowns, covariance, model, noise })
@@ -343,8 +349,6 @@ impl Fit<'_> {
             let white = self.whitening(sighting)?;
             squares[sighting.camera.idx()].push((white * off).norm_squared());
         }
-        // What the unknowns took up is missing from the residuals; both cameras share it.
-        let free = (1.0 - N_FROM_PIXELS / (AXES * self.sightings.len() as f64)).max(0.2);
         let [smallest, largest] = NOISE_RANGE;
         let noise = [0, 1].map(|i| {
             if squares[i].len() < N_NOISE_MIN / 2 {
@@ -353,7 +357,7 @@ impl Fit<'_> {
             let mut scale2 = 1.0;
             for _ in 0..N_NOISE_ROUNDS {
                 let sum: f64 = squares[i].iter().map(|s| weight(s / scale2) * s).sum();
-                scale2 = sum / (AXES * squares[i].len() as f64 * free);
+                scale2 = sum / (AXES * squares[i].len() as f64);
             }
             (self.noise[i] * scale2.sqrt()).clamp(smallest, largest)
         });

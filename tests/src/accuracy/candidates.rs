@@ -52,6 +52,10 @@ pub fn stream_from_seed(seed: u64, cell: &Cell, sight: &Sight) -> Stream {
     let clocks = Clocks::drawn(&mut rng, &cell.clocks);
     let mut scenario = Scenario::from_seed(seed, &cell.options());
     set_row_time(&mut scenario, cell, &mut rng);
+    // Candidates are drawn where the ball is at an instant: nothing is blurred.
+    for side in [&mut scenario.rig.left, &mut scenario.rig.right] {
+        side.exposure_s = 0.0;
+    }
     let truth = Truth::from_scenario(&scenario);
     let frames = {
         let court = Court::new(&scenario, &truth, sight, &clocks, &mut rng);

@@ -28,6 +28,7 @@ pub mod figures;
 
 pub mod sightings;
 
+pub mod bound;
 pub mod score;
 
 pub mod row;
@@ -95,5 +96,5 @@ pub fn score_of(cell: &Cell, seed: u64, backgrounds: &Backgrounds) -> StreamScor
         Level::Pixels(weather) => rendered::stream_from_seed(seed, cell, weather, backgrounds),
     };
     let played = stream.played(cell.settings());
-    score::from_played(&stream, &played)
+    score::from_played(&stream, &played, cell)
 }

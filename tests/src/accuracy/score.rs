@@ -9,6 +9,8 @@
 use fusion::{Outcome, Shot};
 use nalgebra::{Matrix2, Vector2};
 
+use super::bound::bounce_bound_m2;
+use super::cells::Cell;
 use super::sightings::Sightings;
 use super::stream::{Cost, Played, Stream};
 use crate::truth::{Bounce, Flight};
@@ -61,8 +63,6 @@ pub struct BounceReading {
     pub position_m: Vector2<f64>,
     /// As it was stated.
     pub covariance_m2: Matrix2<f64>,
-    /// The least covariance that these candidates allow (Cramér and Rao).
-    pub bound_m2: Option<Matrix2<f64>>,
 }
 
 impl Reading {
@@ -73,7 +73,6 @@ impl Reading {
             bounced_at_s: bounce.t_ns as f64 * 1e-9,
             position_m: bounce.position_m.xy().coords,
             covariance_m2: matrix(bounce.covariance_m2),
-            bound_m2: None,
         });
         let launch = shot.launch.as_ref();
         let direction = launch.and_then(|launch| launch.direction);
@@ -126,7 +125,7 @@ pub struct Errors {
     pub bounce_m: Vector2<f64>,
     /// As it was stated.
     pub bounce_covariance_m2: Matrix2<f64>,
-    /// The least it could have been.
+    /// The least covariance that these candidates allow (Cramér and Rao).
     pub bound_m2: Option<Matrix2<f64>>,
     /// When it bounced.
     pub bounce_time_s: f64,
@@ -159,7 +158,7 @@ impl Errors {
         Some(Self {
             bounce_m: measured.position_m - bounce.position_in_court_m.xy().coords,
             bounce_covariance_m2: measured.covariance_m2,
-            bound_m2: measured.bound_m2,
+            bound_m2: None,
             bounce_time_s: measured.bounced_at_s - bounce.bounced_at_s,
             speed,
             elevation_rad: Off::of(reading.elevation_rad, launch.elevation_rad),
@@ -217,7 +216,7 @@ pub struct StreamScore {
 }
 
 /// Holds all shots of a stream against its truth.
-pub fn from_played(stream: &Stream, played: &Played) -> StreamScore {
+pub fn from_played(stream: &Stream, played: &Played, cell: &Cell) -> StreamScore {
     let told: Vec<(Reading, Option<f64>)> =
         played.told.iter().map(|told| (Reading::from_shot(&told.shot), told.at_s)).collect();
     let mut is_taken = vec![false; told.len()];
@@ -239,7 +238,11 @@ pub fn from_played(stream: &Stream, played: &Played) -> StreamScore {
         let mut score =
             ShotScore { shot_idx, flight: flight.clone(), errors: None, delay_s: None, said: None };
         match nearest {
-            Some((idx, errors)) => {
+            Some((idx, mut errors)) => {
+                let until_s = told[idx].1.unwrap_or(f64::INFINITY);
+                let (level, settings) = (&cell.level, cell.settings());
+                errors.bound_m2 =
+                    bounce_bound_m2(stream, flight, bounce, until_s, level, &settings);
                 is_taken[idx] = true;
                 if std::env::var("DBG").is_ok() {
                     let shot = &played.told[idx].shot;
@@ -303,7 +306,6 @@ mod tests {
                 bounced_at_s: bounce.bounced_at_s,
                 position_m: bounce.position_in_court_m.xy().coords,
                 covariance_m2: Matrix2::identity() * 1e-4,
-                bound_m2: None,
             }),
             launched_at_s: Some(launch.launched_at_s),
             speed_m_s: sure(launch.speed_m_s),
