@@ -32,6 +32,10 @@ const FASTER: f64 = 0.82;
 /// bounced is off by more than this.
 const ELSEWHERE_M: f64 = 5.0;
 
+/// What the sightings of a path must be worth, all frames counted that should have shown the ball:
+/// chance makes one in 10^13.
+const WORTH_MIN: f64 = 30.0;
+
 /// Judges tracklets, each once.
 #[derive(Default)]
 pub struct Decider {
@@ -98,6 +102,9 @@ impl Decider {
         };
         if self.shares_too_much(path.sightings.iter()) {
             return Verdict::Rejected(Rejection::SameBall);
+        }
+        if path.worth.is_nan() || path.worth < WORTH_MIN {
+            return Verdict::Rejected(Rejection::Unlikely);
         }
         let verdict = match (fit, Flight::from_path(&path, terms.centre_sigma_m)) {
             (Fit::Physics, Some(flight)) => shot::from_flight(&flight, terms.world.rig),

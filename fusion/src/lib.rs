@@ -142,8 +142,8 @@ pub struct Rejected {
     pub n_on_ground: u64,
     /// [`Rejection::SameBall`].
     pub n_same_ball: u64,
-    /// [`Rejection::NoFlight`].
-    pub n_no_flight: u64,
+    /// [`Rejection::Unlikely`].
+    pub n_unlikely: u64,
 }
 
 impl Rejected {
@@ -155,7 +155,7 @@ impl Rejected {
             Rejection::NotFromLauncher => &mut self.n_not_from_launcher,
             Rejection::OnGround => &mut self.n_on_ground,
             Rejection::SameBall => &mut self.n_same_ball,
-            Rejection::NoFlight => &mut self.n_no_flight,
+            Rejection::Unlikely => &mut self.n_unlikely,
         } += 1;
     }
 }

@@ -15,12 +15,15 @@ use crate::flight::unknowns::{Known, Prior, Unknowns};
 use crate::history::{History, Kept};
 use crate::motion::{World, later_ns, seconds_between};
 use crate::rectified::Sighting;
+use crate::seeds::DETECTED;
 use crate::tracklets::Tracklet;
+use crate::world::camera::RawPixel;
 use crate::world::ball::DRAG_COEFFICIENT;
 use crate::world::rebound::{self, HARD_COURT};
 use crate::world::trajectory::{Aloft, Breeze};
 use nalgebra::{Matrix2, Matrix3, Point3, SMatrix, Vector2, Vector3};
 use shm_layout::{Camera, StampNs};
+use std::f64::consts::TAU;
 
 /// Fewest tokens before the bounce a flight can be fitted to.
 const N_TOKENS_MIN: usize = 6;
@@ -57,6 +60,9 @@ pub struct Path {
     pub fitted: Option<Fitted>,
     /// Whether it was seen after a bounce.
     pub has_bounce: bool,
+    /// How much likelier a ball on this flight leaves these sightings, in every frame that should
+    /// show it, than chance: the logarithm of the ratio. Infinite without a court.
+    pub worth: f64,
 }
 
 /// How a flight is fitted.
@@ -82,7 +88,7 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
         return None;
     }
     if terms.world.ground_m().is_none() {
-        return Some(Path { sightings: before, fitted: None, has_bounce: false });
+        return Some(Path { sightings: before, fitted: None, has_bounce: false, worth: f64::INFINITY });
     }
     let mut growth = Growth::new(tracklet, before, history, terms)?;
     growth.grow(false);
@@ -94,8 +100,10 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
     }
     growth.finish();
     growth.adopt_launcher_if_near();
+    let whole = [f64::NEG_INFINITY, f64::INFINITY];
+    let worth = growth.gathered(whole, growth.has_bounce).worth;
     let Growth { sightings, fitted, has_bounce, .. } = growth;
-    Some(Path { sightings, fitted: Some(fitted), has_bounce })
+    Some(Path { sightings, fitted: Some(fitted), has_bounce, worth })
 }
 
 /// Whether these are the same spots.
@@ -196,15 +204,15 @@ impl<'a> Growth<'a> {
         let mut span_s = [time_of(self.sightings.first()), time_of(self.sightings.last())];
         for _ in 0..N_ROUNDS_MAX {
             span_s = [span_s[0] - GROWTH_S, span_s[1] + GROWTH_S];
-            let (gathered, is_all) = self.gathered(span_s, is_after);
-            if is_same(&gathered, &self.sightings) {
-                if is_all {
+            let gathered = self.gathered(span_s, is_after);
+            if is_same(&gathered.sightings, &self.sightings) {
+                if gathered.is_all {
                     break;
                 }
                 continue;
             }
             let start = self.fitted.unknowns;
-            if !self.refit(gathered, &start) {
+            if !self.refit(gathered.sightings, &start) {
                 break;
             }
         }
@@ -259,37 +267,48 @@ impl<'a> Growth<'a> {
     }
 
     /// The spot of every frame of a time span that fits the flight best, if any is within the
-    /// gate; and whether the span is all of the flight.
-    fn gathered(&self, [earliest_s, latest_s]: [f64; 2], is_after: bool) -> (Vec<Sighting>, bool) {
+    /// gate.
+    fn gathered(&self, [earliest_s, latest_s]: [f64; 2], is_after: bool) -> Gathered {
         let touch_s = self.fitted.model.touch().map_or(f64::INFINITY, |touch| touch.t_s);
+        let time_of = |s: Option<&Sighting>| s.map_or(0.0, |s| self.fitted.time_s(s));
+        let back_s = time_of(self.sightings.first()) - REACH_S[0];
         let launched_s = self.terms.world.rig.launcher_in_court_m().and_then(|launcher| {
-            Some(self.fitted.model.passing(1, launcher.y, earliest_s - REACH_S[0])?.t_s)
+            Some(self.fitted.model.passing(1, launcher.y, back_s)?.t_s)
         });
-        let from_s = earliest_s.max(launched_s.unwrap_or(f64::NEG_INFINITY));
+        let begin_s = launched_s.unwrap_or(back_s);
         let end_s = if is_after { touch_s + AFTER_S } else { touch_s - NEAR_BOUNCE_S };
-        let to_s = latest_s.min(end_s);
-        let is_all = from_s > earliest_s && to_s < latest_s;
+        let (from_s, to_s) = (earliest_s.max(begin_s), latest_s.min(end_s));
+        let is_all = earliest_s <= begin_s && latest_s >= end_s;
         let from_ns = later_ns(self.reference_ns, from_s - MARGIN_S);
-        let mut gathered = Vec::with_capacity(self.sightings.len() + 64);
+        let mut sightings = Vec::with_capacity(self.sightings.len() + 64);
+        let mut worth = 0.0;
         for camera in Camera::BOTH {
             for kept in self.history.since(camera, from_ns) {
                 if seconds_between(self.reference_ns, kept.t_ns) > to_s + MARGIN_S {
                     break;
                 }
-                gathered.extend(self.nearest(kept, from_s..to_s));
+                match self.nearest(kept, from_s..to_s) {
+                    None => {}
+                    Some(Look::Missed) => worth += (1.0 - DETECTED).ln(),
+                    Some(Look::Seen { sighting, gain }) => {
+                        worth += gain;
+                        sightings.push(sighting);
+                    }
+                }
             }
         }
-        (ordered(gathered, self.terms), is_all)
+        Gathered { sightings: ordered(sightings, self.terms), is_all, worth }
     }
 
-    fn nearest(&self, kept: &Kept, span_s: std::ops::Range<f64>) -> Option<Sighting> {
+    /// What a frame shows where the ball should be; None if it should not show it.
+    fn nearest(&self, kept: &Kept, span_s: std::ops::Range<f64>) -> Option<Look> {
         let rig = self.terms.world.rig;
         let eye = rig.eye(kept.camera);
         let middle_px = f64::from(eye.lens.image_px()[1]) / 2.0;
         let at_row = |row_px: f64| Sighting {
             camera: kept.camera,
             t_ns: later_ns(kept.t_ns, row_px * eye.row_time_us * 1e-6),
-            raw: crate::world::camera::RawPixel { x_px: 0.0, y_px: 0.0 },
+            raw: RawPixel { x_px: 0.0, y_px: 0.0 },
             covariance_px2: Matrix2::identity(),
         };
         let mut row = at_row(middle_px);
@@ -311,19 +330,44 @@ impl<'a> Growth<'a> {
             return None;
         }
         let reach_px = GATE_SIGMAS * doubt[(1, 1)].sqrt() + REACH_PX;
-        kept.spots_in([expected_px.y - reach_px, expected_px.y + reach_px])
+        let nearest = kept
+            .spots_in([expected_px.y - reach_px, expected_px.y + reach_px])
             .map(|(_, spot)| Sighting {
                 covariance_px2: spot.sighting.covariance_px2 + streak_px2,
                 ..spot.sighting
             })
-            .filter_map(|sighting| {
-                Some((self.fitted.distance(&sighting, rig, true)?, sighting))
-            })
+            .filter_map(|sighting| Some((self.fitted.distance(&sighting, rig, true)?, sighting)))
             .filter(|(distance, _)| *distance <= GATE_SIGMAS)
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|(_, sighting)| sighting)
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((distance, sighting)) = nearest else {
+            let expected = RawPixel { x_px: expected_px.x, y_px: expected_px.y };
+            return eye.lens.contains(expected).then_some(Look::Missed);
+        };
+        let noise = self.fitted.noise[kept.camera.idx()].powi(2);
+        let area_px2 = TAU * (doubt + sighting.covariance_px2 * noise).determinant().sqrt();
+        let [width_px, height_px] = eye.lens.image_px().map(f64::from);
+        let by_chance = self.history.clutter(kept.camera) / (width_px * height_px) * area_px2;
+        let gain = (DETECTED / by_chance).ln().min(GAIN_MAX) - 0.5 * distance * distance;
+        Some(Look::Seen { sighting, gain })
     }
 }
+
+/// What was gathered along a flight.
+struct Gathered {
+    sightings: Vec<Sighting>,
+    /// Whether that was all of the flight.
+    is_all: bool,
+    worth: f64,
+}
+
+/// What a frame that should show the ball shows.
+enum Look {
+    Missed,
+    Seen { sighting: Sighting, gain: f64 },
+}
+
+/// What one sighting can be worth: beyond, it is not clutter as it is modelled that it rules out.
+const GAIN_MAX: f64 = 8.0;
 
 /// Rows around the expected one in which a spot may be within its gate, whatever its noise.
 const REACH_PX: f64 = 12.0;

@@ -49,6 +49,10 @@ const WORTH_MIN: f64 = 16.0;
 /// Fewest hits besides the two points themselves.
 const N_HITS_MIN: usize = 4;
 
+/// Fewest of them in each camera: one camera's spots lie on a curve at any depth, so a ball in one
+/// and false spots in the other make a flight that is none.
+const N_EACH_MIN: usize = 2;
+
 /// Gate around the curve between its two points; it widens in proportion beyond them.
 const GATE_PX: f64 = 1.5;
 const GATE_SIGMAS: f64 = 3.0;
@@ -154,7 +158,7 @@ impl<'a> Curve<'a> {
     }
 
     fn seed(&self, history: &History, world: &World) -> Option<Seed> {
-        let (mut worth, mut n_hits) = (0.0, 0);
+        let (mut worth, mut n_hits) = (0.0, [0; 2]);
         let mut hits: Vec<SpotId> = [self.first, self.second].iter().flat_map(|p| p.ids).collect();
         let from_ns = later_ns(self.second.t_ns, -WINDOW_S);
         for camera in Camera::BOTH {
@@ -168,13 +172,15 @@ impl<'a> Curve<'a> {
                     Sight::Missed => worth += (1.0 - DETECTED).ln(),
                     Sight::Hit { idx, gate_px } => {
                         worth += hit_worth(gate_px, camera, history, world);
-                        n_hits += 1;
+                        n_hits[camera.idx()] += 1;
                         hits.push(kept.id(idx));
                     }
                 }
             }
         }
-        let is_seed = worth >= WORTH_MIN && n_hits >= N_HITS_MIN;
+        let is_seed = worth >= WORTH_MIN
+            && n_hits.iter().all(|&n| n >= N_EACH_MIN)
+            && n_hits.iter().sum::<usize>() >= N_HITS_MIN;
         is_seed.then(|| Seed { state: self.state, t_ns: self.first.t_ns, hits, worth })
     }
 

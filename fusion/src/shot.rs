@@ -158,8 +158,8 @@ pub enum Rejection {
     OnGround,
     /// It carries on where the last shot ended.
     SameBall,
-    /// No flight leads through its sightings.
-    NoFlight,
+    /// Its flight should have been seen far more often: false spots that happen to lie on one.
+    Unlikely,
 }
 
 /// What a decided path is.
