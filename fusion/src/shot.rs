@@ -22,6 +22,10 @@ const MIN_SHOT_SIGHTINGS: usize = 10;
 /// A launcher's slowest ball is 11 m/s; a ball thrown back by hand is slower than this.
 const LAUNCH_SPEED_MIN_M_S: f64 = 8.0;
 
+/// A flight that passes the launcher's plane farther from it than this, and so many sigmas of its
+/// height, which is known worst, began elsewhere.
+const FAR_M: f64 = 0.5;
+
 /// Shorter is a chain of false points.
 pub const DURATION_MIN_S: f64 = 0.15;
 
@@ -214,6 +218,12 @@ pub fn from_flight(flight: &Flight, rig: &Rig) -> Verdict {
     let Some(launch) = launch::from_flight(flight, rig) else {
         return Verdict::Rejected(Rejection::NotFromLauncher);
     };
+    if let Some(launcher) = rig.launcher_in_court_m() {
+        let far_m = (launch.position_m - launcher).norm();
+        if far_m > FAR_M + GATE_SIGMAS * launch.height_sigma_m {
+            return Verdict::Rejected(Rejection::NotFromLauncher);
+        }
+    }
     let heights_m = before.iter().map(|s| flight.at(s).position_m.z);
     let judged = Judged {
         n: before.len(),

@@ -272,9 +272,9 @@ mod tests {
             |model, _| *model.touch().unwrap(),
             |model, _| model.passing(1, 1.5, -0.6).unwrap(),
         ];
-        for (look, t_s) in looks.iter().flat_map(|look| {
-            [-0.55, 0.0, touch_s - 0.03, touch_s + 0.03, touch_s + 0.2].map(|t_s| (look, t_s))
-        }) {
+        let times_s = [-0.55, 0.0, touch_s - 0.03, touch_s + 0.03, touch_s + 0.2];
+        let cases = looks.iter().enumerate().flat_map(|look| times_s.map(|t_s| (look, t_s)));
+        for ((kind, look), t_s) in cases {
             let here = look(&model, t_s);
             for (i, step) in steps.into_iter().enumerate() {
                 let moved = |sign: f64| {
@@ -286,9 +286,9 @@ mod tests {
                 let position = (plus.position_m - minus.position_m) / (2.0 * step);
                 let velocity = (plus.velocity_m_s - minus.velocity_m_s) / (2.0 * step);
                 let off = (position - here.d_position.column(i)).norm();
-                assert!(off < 2e-4 * (1.0 + position.norm()), "{i} at {t_s}: {off}");
+                assert!(off < 2e-4 * (1.0 + position.norm()), "{kind}, {i} at {t_s}: {off}");
                 let off = (velocity - here.d_velocity.column(i)).norm();
-                assert!(off < 2e-3 * (1.0 + velocity.norm()), "velocity, {i} at {t_s}: {off}");
+                assert!(off < 2e-3 * (1.0 + velocity.norm()), "velocity of {kind}, {i} at {t_s}: {off}");
             }
         }
     }

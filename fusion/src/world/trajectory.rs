@@ -195,7 +195,8 @@ impl Trajectory {
             let off = sign * (here.position_m[axis] - level);
             if off < 0.0 { low_s = t_s } else { high_s = t_s }
             let next_s = t_s - off / (sign * here.velocity_m_s[axis]);
-            let next_s = if next_s > low_s && next_s < high_s { next_s } else { 0.5 * (low_s + high_s) };
+            let is_within = (low_s..=high_s).contains(&next_s);
+            let next_s = if is_within { next_s } else { 0.5 * (low_s + high_s) };
             if (next_s - t_s).abs() < 1e-12 {
                 return Some(next_s);
             }
@@ -395,8 +396,8 @@ mod tests {
             spin_rad_s: start.spin_rad_s * left,
         };
         let shifted = Trajectory::new(&later, &STILL, &physics(), 0.0, 0.4);
-        let off = whole.at(0.21).position_m - shifted.at(0.2).position_m;
-        assert!(off.norm() < 2e-6, "{off}");
+        let off = whole.at(0.2 + STEP_S / 2.0).position_m - shifted.at(0.2).position_m;
+        assert!(off.norm() < 1e-5, "{off}");
     }
 
     #[test]
