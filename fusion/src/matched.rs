@@ -181,7 +181,7 @@ mod tests {
     fn spot(camera: Camera, x_px: f64, y_px: f64, size: Option<[f64; 3]>) -> Rectified {
         let covariance_px2 = Matrix2::identity() * 0.09;
         let raw = RawPixel { x_px, y_px };
-        let sighting = Sighting { camera, t_ns: 0, raw, covariance_px2 };
+        let sighting = Sighting { camera, t_ns: 0, raw, covariance_px2, hidden_px2: 0.0 };
         Rectified { sighting, pixel: RectifiedPixel { x_px, y_px }, size }
     }
 

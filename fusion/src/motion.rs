@@ -106,7 +106,7 @@ impl Expected {
     #[must_use]
     pub fn innovation_px2(&self, sighting: &Sighting) -> Matrix2<f64> {
         self.covariance_px2
-            + sighting.covariance_px2
+            + sighting.total_px2(1.0)
             + Matrix2::identity() * SIGMA_MIN_PX.powi(2)
     }
 

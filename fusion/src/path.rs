@@ -41,9 +41,10 @@ const N_ROUNDS_MAX: usize = 8;
 /// What is used of the flight after the bounce: more tells little of the bounce.
 const AFTER_S: f64 = 0.25;
 
-/// 1 sigma of a streak's middle, of its length. Rendered balls 5 m away, five pixels long, are off
-/// by 0.2 px along the streak.
-const STREAK_SIGMA: f64 = 0.05;
+/// 1 sigma of a streak's middle, of its length beyond so many pixels. Rendered balls 5 m away, five
+/// pixels long, are off by 0.2 px along the streak; those of 2.5 px by 0.03.
+const STREAK_SIGMA: f64 = 0.1;
+const STREAK_MIN_PX: f64 = 2.0;
 
 /// Nearer to the bounce than this a sighting does not say on which side it is.
 const NEAR_BOUNCE_S: f64 = 0.004;
@@ -310,6 +311,7 @@ impl<'a> Growth<'a> {
             t_ns: later_ns(kept.t_ns, row_px * eye.row_time_us * 1e-6),
             raw: RawPixel { x_px: 0.0, y_px: 0.0 },
             covariance_px2: Matrix2::identity(),
+            hidden_px2: 0.0,
         };
         let mut row = at_row(middle_px);
         let mut seen = self.fitted.seen(&row, rig)?;
@@ -324,7 +326,7 @@ impl<'a> Growth<'a> {
             return None;
         }
         let across_px = self.fitted.speed_px_s(&row, rig)? * (eye.exposure_us * 1e-6);
-        let streak_px2 = Matrix2::identity() * (STREAK_SIGMA * across_px).powi(2);
+        let streak_px2 = (STREAK_SIGMA * (across_px - STREAK_MIN_PX).max(0.0)).powi(2);
         let doubt: SMatrix<f64, 2, 2> = slope * self.fitted.covariance * slope.transpose();
         if doubt.trace().sqrt() > DOUBT_MAX_PX {
             return None;
@@ -333,7 +335,7 @@ impl<'a> Growth<'a> {
         let nearest = kept
             .spots_in([expected_px.y - reach_px, expected_px.y + reach_px])
             .map(|(_, spot)| Sighting {
-                covariance_px2: spot.sighting.covariance_px2 + streak_px2,
+                hidden_px2: spot.sighting.hidden_px2 + streak_px2,
                 ..spot.sighting
             })
             .filter_map(|sighting| Some((self.fitted.distance(&sighting, rig, true)?, sighting)))
@@ -343,8 +345,8 @@ impl<'a> Growth<'a> {
             let expected = RawPixel { x_px: expected_px.x, y_px: expected_px.y };
             return eye.lens.contains(expected).then_some(Look::Missed);
         };
-        let noise = self.fitted.noise[kept.camera.idx()].powi(2);
-        let area_px2 = TAU * (doubt + sighting.covariance_px2 * noise).determinant().sqrt();
+        let noise = self.fitted.noise[kept.camera.idx()];
+        let area_px2 = TAU * (doubt + sighting.total_px2(noise)).determinant().sqrt();
         let [width_px, height_px] = eye.lens.image_px().map(f64::from);
         let by_chance = self.history.clutter(kept.camera) / (width_px * height_px) * area_px2;
         let gain = (DETECTED / by_chance).ln().min(GAIN_MAX) - 0.5 * distance * distance;

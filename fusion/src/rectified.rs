@@ -36,15 +36,23 @@ pub struct Sighting {
     pub t_ns: StampNs,
     /// The spot's centre, raw.
     pub raw: RawPixel,
-    /// Of the centre.
+    /// Of the centre, as the detector has it.
     pub covariance_px2: Matrix2<f64>,
+    /// Variance of each axis by what the detector does not know: the image's edge, a streak.
+    pub hidden_px2: f64,
 }
 
 impl Sighting {
+    /// Covariance of the centre, if the detector's own noise is so many times what it says.
+    #[must_use]
+    pub fn total_px2(&self, noise: f64) -> Matrix2<f64> {
+        self.covariance_px2 * (noise * noise) + Matrix2::identity() * self.hidden_px2
+    }
+
     /// 1 sigma, mean of both axes.
     #[must_use]
     pub fn sigma_px(&self) -> f64 {
-        (0.5 * self.covariance_px2.trace()).sqrt()
+        (0.5 * self.total_px2(1.0).trace()).sqrt()
     }
 }
 
@@ -98,7 +106,8 @@ pub fn from_candidates(
             camera,
             t_ns: frame.exposed_ns.saturating_add(row_ns),
             raw,
-            covariance_px2: covariance_of(spot, settings) + cut_px2(spot, &eye.lens),
+            covariance_px2: covariance_of(spot, settings),
+            hidden_px2: cut_px2(spot, &eye.lens),
         };
         spots.push(Rectified { sighting, pixel, size });
     }
@@ -121,8 +130,8 @@ fn covariance_of(spot: &Candidate, settings: &Settings) -> Matrix2<f64> {
 }
 
 /// A ball that the image's edge cuts has its centre too far inside.
-fn cut_px2(spot: &Candidate, lens: &Lens) -> Matrix2<f64> {
-    let Some([width_px, height_px, _]) = size_of(spot) else { return Matrix2::zeros() };
+fn cut_px2(spot: &Candidate, lens: &Lens) -> f64 {
+    let Some([width_px, height_px, _]) = size_of(spot) else { return 0.0 };
     let is_cut = |place_px: f32, length_px: f64, side_px: u32| {
         let reach_px = 0.5 * length_px + CUT_MARGIN_PX;
         let last_px = f64::from(side_px) - 1.0;
@@ -132,7 +141,7 @@ fn cut_px2(spot: &Candidate, lens: &Lens) -> Matrix2<f64> {
     let [columns, rows] = lens.image_px();
     let is_cut = is_cut(spot.x_px, width_px, columns) || is_cut(spot.y_px, height_px, rows);
     let length_px = if is_cut { CUT_SIGMA * width_px.max(height_px) } else { 0.0 };
-    Matrix2::identity() * length_px.powi(2)
+    length_px.powi(2)
 }
 
 /// A size counts if all of it is known and none of it is nothing.

@@ -124,8 +124,7 @@ impl Fitted {
     #[must_use]
     pub fn distance(&self, sighting: &Sighting, rig: &Rig, has_doubt: bool) -> Option<f64> {
         let (slope, off) = self.seen(sighting, rig)?;
-        let noise = self.noise[sighting.camera.idx()].powi(2);
-        let mut covariance = sighting.covariance_px2 * noise;
+        let mut covariance = sighting.total_px2(self.noise[sighting.camera.idx()]);
         if has_doubt {
             covariance += slope * self.covariance * slope.transpose();
         }
@@ -186,7 +185,7 @@ pub fn bound(
     for sighting in sightings {
         let time_s = time_s(sighting, reference_ns, truth);
         if let Some((slope, _)) = slope_and_off(sighting, time_s, &model, scene.rig) {
-            normal += slope.transpose() * sighting.covariance_px2.try_inverse()? * slope;
+            normal += slope.transpose() * sighting.total_px2(1.0).try_inverse()? * slope;
         }
     }
     if let Some((slope, _)) = fit.launcher(&model) {
@@ -328,13 +327,12 @@ impl Fit<'_> {
 
     /// Turns pixels into sigmas.
     fn whitening(&self, sighting: &Sighting) -> Option<Matrix2<f64>> {
-        let noise = self.noise[sighting.camera.idx()];
         // The inverse of the Cholesky factor, written out.
-        let c = &sighting.covariance_px2;
+        let c = sighting.total_px2(self.noise[sighting.camera.idx()]);
         let a = c[(0, 0)].sqrt();
         let b = c[(0, 1)] / a;
         let d = (c[(1, 1)] - b * b).sqrt();
-        let white = Matrix2::new(1.0 / a, 0.0, -b / (a * d), 1.0 / d) / noise;
+        let white = Matrix2::new(1.0 / a, 0.0, -b / (a * d), 1.0 / d);
         white.iter().all(|v| v.is_finite()).then_some(white)
     }
 

@@ -116,7 +116,7 @@ fn sightings(
         let covariance_px2 = Matrix2::identity() * sight.sigma_px.powi(2);
         let camera: Camera = seen.camera;
         let t_ns = seen.frame.exposed_ns + row_ns;
-        Some((seen.at_s, Sighting { camera, t_ns, raw, covariance_px2 }))
+        Some((seen.at_s, Sighting { camera, t_ns, raw, covariance_px2, hidden_px2: 0.0 }))
     };
     seen.filter_map(sighting).collect()
 }
