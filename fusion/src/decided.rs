@@ -106,7 +106,7 @@ impl Decider {
         if path.worth.is_nan() || path.worth < WORTH_MIN {
             return Verdict::Rejected(Rejection::Unlikely);
         }
-        let verdict = match (fit, Flight::from_path(&path, terms.centre_sigma_m)) {
+        let verdict = match (fit, Flight::from_path(&path)) {
             (Fit::Physics, Some(flight)) => shot::from_flight(&flight, terms.world.rig),
             _ => {
                 let points =

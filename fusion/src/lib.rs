@@ -86,9 +86,8 @@ pub struct Settings {
     /// 1 sigma of the ground's height where a ball bounces: how flat the court is and how well the
     /// rig knows it. A millimetre is 2 to 4 along the flight.
     pub ground_sigma_m: f64,
-    /// 1 sigma, each axis, by which the sunlit side pulls all centres of a ball alike, so that no
-    /// residual shows it.
-    pub centre_sigma_m: f64,
+    /// 1 sigma by which light pulls all centres of a ball alike, so that no residual shows it.
+    pub bias_sigma_px: f64,
 }
 
 impl Default for Settings {
@@ -101,7 +100,7 @@ impl Default for Settings {
             fit: Fit::Physics,
             air_density_kg_m3: air::DENSITY_KG_M3,
             ground_sigma_m: 2e-4,
-            centre_sigma_m: 8e-4,
+            bias_sigma_px: 0.04,
         }
     }
 }
@@ -289,8 +288,8 @@ impl Fusion {
     fn decided(&mut self, now_ns: Option<StampNs>) -> Vec<Shot> {
         let clock_s = self.clock.offset_s(self.now_ns);
         let world = World { rig: &self.rig, physics: &self.physics, clock_s };
-        let Settings { ground_sigma_m, centre_sigma_m, .. } = self.settings;
-        let terms = Terms { world, ground_sigma_m, centre_sigma_m };
+        let Settings { ground_sigma_m, bias_sigma_px, .. } = self.settings;
+        let terms = Terms { world, ground_sigma_m, bias_sigma_px };
         self.decider.update(
             &mut self.tracklets,
             now_ns,

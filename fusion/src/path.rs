@@ -74,7 +74,7 @@ pub struct Terms<'a> {
     /// 1 sigma of the ground's height.
     pub ground_sigma_m: f64,
     /// 1 sigma by which all centres may be off together.
-    pub centre_sigma_m: f64,
+    pub bias_sigma_px: f64,
 }
 
 /// Gathers the sightings of a tracklet's ball; None if there are too few for a flight.
@@ -379,5 +379,6 @@ const MARGIN_S: f64 = 0.05;
 
 fn scene<'a>(terms: &Terms<'a>, launcher_m: Option<Point3<f64>>, has_bounce: bool) -> Scene<'a> {
     let World { rig, physics, .. } = terms.world;
-    Scene { rig, physics, launcher_m, has_bounce, reach_s: REACH_S }
+    let bias_sigma_px = terms.bias_sigma_px;
+    Scene { rig, physics, launcher_m, has_bounce, reach_s: REACH_S, bias_sigma_px }
 }

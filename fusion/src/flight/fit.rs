@@ -15,6 +15,10 @@
 //! sandwich of M-estimation, `E ψ² / (E ψ′)²`, and is widened where residuals that follow each other
 //! are alike, `(1 + ρ)/(1 − ρ)`: a bias that lasts for some frames is not so many observations. So it
 //! means what it says whatever the pixels are worth.
+//!
+//! **What no residual shows**: light pulls the centres of a ball in all frames and both cameras
+//! alike, and differently far away than near. Such biases are considered, not estimated (Schmidt):
+//! the answer's response to each of [`BIASES`] at 1 sigma is added to the covariance.
 
 use crate::flight::model::{Model, Row, Span};
 use crate::flight::unknowns::{CLOCK, Column, Covariance, N, Prior, Unknowns};
@@ -67,6 +71,11 @@ const MARGIN_S: f64 = 0.05;
 /// 1 sigma of where the machine lets go of the ball: "known to a few centimetres".
 pub const LAUNCHER_SIGMA_M: f64 = 0.025;
 
+/// Ways in which all centres may be off together: x and y alike, and x and y from one way near to
+/// the other way far.
+const BIASES: [fn(f64) -> [f64; 2]; 4] =
+    [|_| [1.0, 0.0], |_| [0.0, 1.0], |far| [far, 0.0], |far| [0.0, far]];
+
 /// What is not fitted.
 #[derive(Debug, Clone, Copy)]
 pub struct Scene<'a> {
@@ -80,6 +89,8 @@ pub struct Scene<'a> {
     pub has_bounce: bool,
     /// How far before the first and after the last sighting the flight is followed.
     pub reach_s: [f64; 2],
+    /// 1 sigma of each of the ways in which all centres may be off together.
+    pub bias_sigma_px: f64,
 }
 
 /// A fitted flight.
@@ -223,15 +234,41 @@ impl Fit<'_> {
     fn fitted(&self, unknowns: Unknowns) -> Option<Fitted> {
         let system = self.system(&unknowns)?;
         let pixels = system.pixels / self.spread;
-        let covariance = inverse(&(system.known + pixels))?;
+        let covariance_of_fit = inverse(&(system.known + pixels))?;
         // What the unknowns took up is missing from the residuals that told the spread.
-        let n_taken = (covariance * pixels).trace();
+        let n_taken = (covariance_of_fit * pixels).trace();
         let n_residuals = AXES * self.sightings.len() as f64;
         let free = (1.0 - n_taken / n_residuals).max(FREE_MIN);
-        let covariance = inverse(&(system.known + pixels * free))?;
+        let mut covariance = inverse(&(system.known + pixels * free))?;
+        for pull in self.pulls(&unknowns)? {
+            let off = covariance_of_fit * pull;
+            covariance += off * off.transpose();
+        }
         let model = self.model(&unknowns, self.scene.reach_s);
         let Fit { reference_ns, noise, .. } = *self;
         Some(Fitted { reference_ns, unknowns, covariance, model, noise })
+    }
+
+    /// What each of [`BIASES`] adds to the gradient.
+    fn pulls(&self, unknowns: &Unknowns) -> Option<[Column; BIASES.len()]> {
+        let mut pulls = [Column::zeros(); BIASES.len()];
+        if self.scene.bias_sigma_px == 0.0 {
+            return Some(pulls);
+        }
+        let model = self.model(unknowns, [0.0; 2]);
+        let last = self.sightings.len() as f64 - 1.0;
+        for (i, sighting) in self.sightings.iter().enumerate() {
+            let time_s = time_s(sighting, self.reference_ns, unknowns);
+            let (slope, _) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
+            let white = self.whitening(sighting)?;
+            let slope = white * slope;
+            let far = 2.0 * i as f64 / last - 1.0;
+            for (pull, bias) in pulls.iter_mut().zip(BIASES) {
+                let off = white * Vector2::from(bias(far)) * self.scene.bias_sigma_px;
+                *pull += slope.transpose() * off / self.spread;
+            }
+        }
+        Some(pulls)
     }
 
     fn minimised(&self, start: Unknowns, step_min: f64) -> Option<Unknowns> {

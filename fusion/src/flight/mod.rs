@@ -4,9 +4,6 @@
 //! the ball is with these unknowns, with derivatives), [`fit`] (the most likely ones). [`Flight`]
 //! asks the fitted model for what people want to know; each answer's covariance is that of the
 //! unknowns through its own derivative.
-//!
-//! What no residual shows: the sunlit side pulls a ball's centre in every frame and both cameras
-//! alike. [`Settings::centre_sigma_m`](crate::Settings) of it is added to every position.
 
 pub mod fit;
 pub mod model;
@@ -32,15 +29,14 @@ pub struct Flight {
     fitted: Fitted,
     sightings: Vec<Sighting>,
     has_bounce: bool,
-    centre_sigma_m: f64,
 }
 
 impl Flight {
-    /// Of a path; None without a court. The sigma is that by which all centres may be off together.
+    /// Of a path; None without a court.
     #[must_use]
-    pub fn from_path(path: &Path, centre_sigma_m: f64) -> Option<Self> {
+    pub fn from_path(path: &Path) -> Option<Self> {
         let Path { sightings, has_bounce, .. } = path.clone();
-        Some(Self { fitted: path.fitted.clone()?, sightings, has_bounce, centre_sigma_m })
+        Some(Self { fitted: path.fitted.clone()?, sightings, has_bounce })
     }
 
     /// Whether it was seen after a bounce.
@@ -103,18 +99,13 @@ impl Flight {
     pub fn position_covariance_m2(&self, instant: &Instant) -> Matrix3<f64> {
         let d = &instant.d_position;
         d * self.fitted.covariance * d.transpose()
-            + Matrix3::identity() * self.centre_sigma_m.powi(2)
     }
 
-    /// Covariance of x and y where the ball touches the ground: centres that are too high let it
-    /// fly on.
+    /// Covariance of x and y where the ball touches the ground.
     #[must_use]
     pub fn touch_covariance_m2(&self, touch: &Instant) -> Matrix2<f64> {
         let d = touch.d_position.fixed_rows::<2>(0);
-        let v = touch.velocity_m_s;
-        let along = v.xy() / v.z;
-        let centre = Matrix2::identity() + along * along.transpose();
-        d * self.fitted.covariance * d.transpose() + centre * self.centre_sigma_m.powi(2)
+        d * self.fitted.covariance * d.transpose()
     }
 
     /// Covariance of the velocity at an instant.

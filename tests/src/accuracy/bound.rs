@@ -64,6 +64,7 @@ pub fn bounce_bound_m2(
         launcher_m: rig.launcher_in_court_m(),
         has_bounce: true,
         reach_s: REACH_S,
+        bias_sigma_px: 0.0,
     };
     let list: Vec<Sighting> = sightings.into_iter().map(|(_, sighting)| sighting).collect();
     let bound = fit::bound(&list, reference_ns, &truth, &prior, &scene)?;

@@ -147,7 +147,7 @@ impl Cell {
             // Nothing shines on candidates that are drawn, and their ground is where it is said.
             Level::Candidates(sight) => Settings {
                 sigma_px: sight.sigma_px,
-                centre_sigma_m: 0.0,
+                bias_sigma_px: 0.0,
                 ground_sigma_m: 1e-5,
                 ..Settings::default()
             },
