@@ -6,7 +6,8 @@
 //! order of time), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`], [`motion`]
 //! and [`tracklets`], [`path`], [`flight`], [`launch`] and [`shot`], [`decided`], and how they
 //! leave, [`shots_json`] and [`message`]. [`clock`] carries what shots say of the cameras' clocks;
-//! [`quadratic`] is the thesis' way to measure. [`Fusion`] is all of it.
+//! [`quadratic`] is the thesis' way to measure. [`Fusion`] is all of it. [`mod@reference`] is what
+//! a ball machine's settings should have given, and how a shot differs.
 //!
 //! Deliberately absent: IO, a clock of its own, and `Result` in the pipeline. What cannot be used
 //! is dropped and counted ([`Dropped`], [`Rejected`]). Every queue has a maximum, so a stream may
@@ -33,6 +34,7 @@ pub mod points;
 mod pretend;
 pub mod quadratic;
 pub mod rectified;
+pub mod reference;
 pub mod seeds;
 pub mod shot;
 pub mod shots_json;
