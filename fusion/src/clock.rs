@@ -33,7 +33,11 @@ pub struct Clock {
 impl Default for Clock {
     fn default() -> Self {
         let variances = Vector2::new(OFFSET_SIGMA_S.powi(2), RATE_SIGMA.powi(2));
-        Self { at_ns: None, state: Vector2::zeros(), covariance: Matrix2::from_diagonal(&variances) }
+        Self {
+            at_ns: None,
+            state: Vector2::zeros(),
+            covariance: Matrix2::from_diagonal(&variances),
+        }
     }
 }
 
@@ -59,8 +63,7 @@ impl Clock {
         if information.is_nan() || information < 1e-3 * before_sigma_s.powi(-2) {
             return;
         }
-        let told_s =
-            (offset_s / sigma_s.powi(2) - before_s / before_sigma_s.powi(2)) / information;
+        let told_s = (offset_s / sigma_s.powi(2) - before_s / before_sigma_s.powi(2)) / information;
         let (state, covariance) = self.advanced(t_ns);
         let gain = covariance.column(0) / (covariance[(0, 0)] + information.recip());
         self.state = state + gain * (told_s - state.x);

@@ -109,8 +109,7 @@ impl Decider {
         let verdict = match (fit, Flight::from_path(&path)) {
             (Fit::Physics, Some(flight)) => shot::from_flight(&flight, terms.world.rig),
             _ => {
-                let points =
-                    quadratic::points_from(&path.sightings, rectification, &terms.world);
+                let points = quadratic::points_from(&path.sightings, rectification, &terms.world);
                 quadratic::from_points(&points, terms.world.rig)
             }
         };

@@ -4,7 +4,7 @@
 //! [`candidates`] (strips of a frame put together; [`intake`] keeps account of them,
 //! [`candidates_csv`] reads and writes files of them), [`rectified`], [`merged`] (one stream in the
 //! order of time), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`], [`motion`]
-//! and [`tracklets`], [`path`], [`flight`], [`launch`] and [`shot`], [`decided`], and how they
+//! and [`tracklets`], [`look`] and [`path`], [`flight`], [`launch`] and [`shot`], [`decided`], and how they
 //! leave, [`shots_json`] and [`message`]. [`clock`] carries what shots say of the cameras' clocks;
 //! [`quadratic`] is the thesis' way to measure. [`Fusion`] is all of it. [`mod@reference`] is what
 //! a ball machine's settings should have given, and how a shot differs.
@@ -18,12 +18,14 @@
 pub mod candidates;
 pub mod candidates_csv;
 pub mod clock;
+pub mod counts;
 pub mod decided;
 mod error;
 pub mod flight;
 pub mod history;
 pub mod intake;
 pub mod launch;
+pub mod look;
 pub mod matched;
 pub mod merged;
 pub mod message;
@@ -36,13 +38,16 @@ pub mod quadratic;
 pub mod rectified;
 pub mod reference;
 pub mod seeds;
+pub mod settings;
 pub mod shot;
 pub mod shots_json;
 pub mod tracklets;
 pub mod world;
 
 pub use candidates::{FrameCandidates, Gather};
+pub use counts::{Dropped, Rejected};
 pub use error::Error;
+pub use settings::{Fit, Settings};
 pub use shot::{Outcome, Shot};
 pub use world::rig::Rig;
 
@@ -54,112 +59,9 @@ use motion::World;
 use path::Terms;
 use rectified::RectifiedFrame;
 use shm_layout::{Camera, StampNs};
-use shot::{ClockOffset, Rejection};
-use world::air;
+use shot::ClockOffset;
 use world::ball::Physics;
 use world::rectification::Rectification;
-
-/// How a path is measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Fit {
-    /// Maximum likelihood on raw pixels with drag, lift and bounce ([`flight`]).
-    #[default]
-    Physics,
-    /// The thesis' Eq 26 on triangulated points ([`quadratic`]).
-    Quadratic,
-}
-
-/// What may be tuned; the defaults suit the reference rig.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
-    /// 1 sigma of a candidate's centre, each axis. Too small and good points miss their gates.
-    pub sigma_px: f64,
-    /// Rows a pair may be apart, on top of what time and size allow.
-    pub row_gate_px: f64,
-    /// Least Eq 21 similarity of a pair: 0.2 is a factor of 2.2 in all sizes.
-    pub similarity_min: f64,
-    /// Frames of one camera that may wait for the other. Live, 32 are 0.35 s at 90 Hz, more than
-    /// two boards differ; two recordings are played independently and may differ by more.
-    pub n_waiting_frames: usize,
-    /// How a path is measured.
-    pub fit: Fit,
-    /// See [`world::air`].
-    pub air_density_kg_m3: f64,
-    /// 1 sigma of the ground's height where a ball bounces: how flat the court is and how well the
-    /// rig knows it. A millimetre is 2 to 4 along the flight.
-    pub ground_sigma_m: f64,
-    /// 1 sigma by which light pulls all centres of a ball alike, so that no residual shows it.
-    pub bias_sigma_px: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            sigma_px: 0.3,
-            row_gate_px: 2.5,
-            similarity_min: 0.2,
-            n_waiting_frames: 32,
-            fit: Fit::Physics,
-            air_density_kg_m3: air::DENSITY_KG_M3,
-            ground_sigma_m: 2e-4,
-            bias_sigma_px: 0.04,
-        }
-    }
-}
-
-/// What was left out so far, and why.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Dropped {
-    /// Frames whose stamp is not after the one before, same camera.
-    pub n_backward_frames: u64,
-    /// Frames that came when the other camera's later ones had been taken in.
-    pub n_late_frames: u64,
-    /// Candidates that are not finite numbers.
-    pub n_not_finite: u64,
-    /// Candidates outside the image, or where the lens model has no inverse.
-    pub n_outside_image: u64,
-    /// Pairs beyond [`matched::MAX_PAIRS`], of candidates, or [`seeds::MAX_PAIRS`], of points.
-    pub n_pairs_beyond_max: u64,
-    /// Points where no ball can be.
-    pub n_points_outside_court: u64,
-    /// Points beyond [`seeds::MAX_POINTS`].
-    pub n_points_beyond_max: u64,
-    /// Tracklets beyond [`tracklets::MAX_TRACKLETS`].
-    pub n_tracklets_beyond_max: u64,
-}
-
-/// Paths that were no shot so far, by [`Rejection`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Rejected {
-    /// [`Rejection::TooShort`].
-    pub n_too_short: u64,
-    /// [`Rejection::TooSlow`].
-    pub n_too_slow: u64,
-    /// [`Rejection::AwayFromNet`].
-    pub n_away_from_net: u64,
-    /// [`Rejection::NotFromLauncher`].
-    pub n_not_from_launcher: u64,
-    /// [`Rejection::OnGround`].
-    pub n_on_ground: u64,
-    /// [`Rejection::SameBall`].
-    pub n_same_ball: u64,
-    /// [`Rejection::Unlikely`].
-    pub n_unlikely: u64,
-}
-
-impl Rejected {
-    fn count(&mut self, rejection: Rejection) {
-        *match rejection {
-            Rejection::TooShort => &mut self.n_too_short,
-            Rejection::TooSlow => &mut self.n_too_slow,
-            Rejection::AwayFromNet => &mut self.n_away_from_net,
-            Rejection::NotFromLauncher => &mut self.n_not_from_launcher,
-            Rejection::OnGround => &mut self.n_on_ground,
-            Rejection::SameBall => &mut self.n_same_ball,
-            Rejection::Unlikely => &mut self.n_unlikely,
-        } += 1;
-    }
-}
 
 /// Backward frames in a row after which it is the last forward one that was wrong.
 const N_BACKWARD_MAX: u32 = 16;
@@ -266,11 +168,8 @@ impl Fusion {
         self.now_ns = t_ns;
         self.periods[camera.idx()].update(t_ns);
         self.history.push(frame);
-        let world = World {
-            rig: &self.rig,
-            physics: &self.physics,
-            clock_s: self.clock.offset_s(t_ns),
-        };
+        let world =
+            World { rig: &self.rig, physics: &self.physics, clock_s: self.clock.offset_s(t_ns) };
         let (history, dropped) = (&mut self.history, &mut self.dropped);
         self.tracklets.update(camera, history, &world);
         let [left, right] = Camera::BOTH.map(|camera| history.newest(camera));

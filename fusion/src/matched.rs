@@ -237,7 +237,8 @@ mod tests {
             for r in &rights {
                 let disparity_px = l.pixel.x_px - r.pixel.x_px;
                 let is_row = (l.pixel.y_px - r.pixel.y_px).abs() <= gate_px;
-                let is_depth = disparity_px > 0.0 && DEPTH_RANGE_M.contains(&(4960.0 / disparity_px));
+                let is_depth =
+                    disparity_px > 0.0 && DEPTH_RANGE_M.contains(&(4960.0 / disparity_px));
                 all.extend((is_row && is_depth).then_some(r.pixel.x_px));
             }
         }

@@ -105,9 +105,7 @@ impl Expected {
     /// Covariance of expected less seen.
     #[must_use]
     pub fn innovation_px2(&self, sighting: &Sighting) -> Matrix2<f64> {
-        self.covariance_px2
-            + sighting.total_px2(1.0)
-            + Matrix2::identity() * SIGMA_MIN_PX.powi(2)
+        self.covariance_px2 + sighting.total_px2(1.0) + Matrix2::identity() * SIGMA_MIN_PX.powi(2)
     }
 
     /// Seen less expected.
@@ -164,7 +162,12 @@ impl Motion {
     /// Where a camera sees the ball in a frame, and the motion at that very time: under a rolling
     /// shutter that depends on the row. None if the ball is out of the image.
     #[must_use]
-    pub fn expected(&self, camera: Camera, frame_ns: StampNs, world: &World) -> Option<(Self, Expected)> {
+    pub fn expected(
+        &self,
+        camera: Camera,
+        frame_ns: StampNs,
+        world: &World,
+    ) -> Option<(Self, Expected)> {
         let row_time_s = world.rig.eye(camera).row_time_us * 1e-6;
         let mut row_px = f64::from(world.rig.eye(camera).lens.image_px()[1]) / 2.0;
         let n_rounds = if row_time_s > 0.0 { 2 } else { 1 };
@@ -173,7 +176,8 @@ impl Motion {
             let there = self.advanced(self.seen_at_ns(camera, row_ns), world)?;
             let position = &there.state.position_m;
             if round < n_rounds {
-                row_px = world.rig.raw_from_tracking(camera, position)?.y_px.clamp(0.0, 2.0 * row_px);
+                row_px =
+                    world.rig.raw_from_tracking(camera, position)?.y_px.clamp(0.0, 2.0 * row_px);
                 continue;
             }
             let expected = there.projected(camera, world)?;
@@ -243,7 +247,8 @@ impl Motion {
         self.state.position_m += v * h + a * (0.5 * h * h);
         self.state.velocity_m_s = v + a * h;
         let speed = v.norm().max(1e-9);
-        let by_v = -(Matrix3::identity() * speed + v * v.transpose() / speed) * physics.drag_per_m();
+        let by_v =
+            -(Matrix3::identity() * speed + v * v.transpose() / speed) * physics.drag_per_m();
         let mut f = SMatrix::<f64, N, N>::identity();
         let mut set = |row: usize, column: usize, block: Matrix3<f64>| {
             f.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
@@ -299,8 +304,8 @@ impl Motion {
             BOUNCE_SIGMA[0] * v.xy().norm() + BOUNCE_SIGMA_M_S,
             BOUNCE_SIGMA[1] * v.z.abs() + BOUNCE_SIGMA_M_S,
         ];
-        for i in 0..3 {
-            there.covariance[(3 + i, 3 + i)] += sigmas[i].powi(2);
+        for (i, sigma) in sigmas.into_iter().enumerate() {
+            there.covariance[(3 + i, 3 + i)] += f64::powi(sigma, 2);
             there.covariance[(EXCESS + i, EXCESS + i)] += world.physics.unknown_m_s2.powi(2);
         }
         there.state.position_m.z = radius_m;

@@ -6,45 +6,34 @@
 //! the flight is fitted again, and so on outwards, each way, until nothing new comes. So a ball that
 //! was hidden, that only one camera saw, or whose tracklet began late is one path, and a token that
 //! was none is left out.
-//!
-//! The gate is [`GATE_SIGMAS`] of the spot's noise and the fit's own doubt together; where that
-//! doubt is more than [`DOUBT_MAX_PX`] nothing joins yet.
 
-use crate::flight::fit::{self, Fitted, LAUNCHER_SIGMA_M, Scene};
+use crate::flight::fit::{self, LAUNCHER_SIGMA_M};
+use crate::flight::fitted::{Fitted, Scene};
 use crate::flight::unknowns::{Known, Prior, Unknowns};
-use crate::history::{History, Kept};
+use crate::history::History;
+use crate::look::{self, GATE_SIGMAS, Look};
 use crate::motion::{World, later_ns, seconds_between};
 use crate::rectified::Sighting;
 use crate::seeds::DETECTED;
 use crate::tracklets::Tracklet;
-use crate::world::camera::RawPixel;
+use crate::world::acceleration::{Aloft, Breeze};
 use crate::world::ball::DRAG_COEFFICIENT;
 use crate::world::rebound::{self, HARD_COURT};
-use crate::world::trajectory::{Aloft, Breeze};
-use nalgebra::{Matrix2, Matrix3, Point3, SMatrix, Vector2, Vector3};
+use nalgebra::{Matrix3, Point3, Vector2, Vector3};
 use shm_layout::{Camera, StampNs};
-use std::f64::consts::TAU;
 
 /// Fewest tokens before the bounce a flight can be fitted to.
 const N_TOKENS_MIN: usize = 6;
-
-/// Gate of a sighting.
-const GATE_SIGMAS: f64 = 4.0;
-
-/// Where the fit itself is more doubtful than this, every spot would fit.
-const DOUBT_MAX_PX: f64 = 8.0;
 
 /// How far a path grows outwards in one round, and rounds at most.
 const GROWTH_S: f64 = 0.25;
 const N_ROUNDS_MAX: usize = 8;
 
+/// Fewest sightings after a bounce that make it one.
+const N_AFTER_MIN: usize = 3;
+
 /// What is used of the flight after the bounce: more tells little of the bounce.
 const AFTER_S: f64 = 0.25;
-
-/// 1 sigma of a streak's middle, of its length beyond so many pixels. Rendered balls 5 m away, five
-/// pixels long, are off by 0.2 px along the streak; those of 2.5 px by 0.03.
-const STREAK_SIGMA: f64 = 0.1;
-const STREAK_MIN_PX: f64 = 2.0;
 
 /// Nearer to the bounce than this a sighting does not say on which side it is.
 const NEAR_BOUNCE_S: f64 = 0.004;
@@ -89,15 +78,21 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
         return None;
     }
     if terms.world.ground_m().is_none() {
-        return Some(Path { sightings: before, fitted: None, has_bounce: false, worth: f64::INFINITY });
+        return Some(Path {
+            sightings: before,
+            fitted: None,
+            has_bounce: false,
+            worth: f64::INFINITY,
+        });
     }
     let mut growth = Growth::new(tracklet, before, history, terms)?;
     growth.grow(false);
     growth.finish();
     growth.grow(false);
-    if !after.is_empty() {
-        growth.go_on(after)?;
-        growth.grow(true);
+    growth = growth.with_rise(after);
+    if !growth.has_bounce {
+        // The tokens after it were none of this ball.
+        growth = growth.with_rise(Vec::new());
     }
     growth.finish();
     growth.adopt_launcher_if_near();
@@ -119,6 +114,7 @@ fn ordered(mut sightings: Vec<Sighting>, terms: &Terms) -> Vec<Sighting> {
     sightings
 }
 
+#[derive(Clone)]
 struct Growth<'a> {
     sightings: Vec<Sighting>,
     fitted: Fitted,
@@ -219,7 +215,21 @@ impl<'a> Growth<'a> {
         }
     }
 
-    /// Through the bounce, with the first sightings after it.
+    /// Through the bounce, if enough was seen of what followed. The tracklet may have lost its ball
+    /// there: the flight knows better where it came down.
+    fn with_rise(self, after: Vec<Sighting>) -> Self {
+        let mut risen = self.clone();
+        if risen.go_on(after).is_none() {
+            return self;
+        }
+        risen.grow(true);
+        let touch_s = risen.fitted.model.touch().map_or(f64::INFINITY, |touch| touch.t_s);
+        let is_after = |s: &&Sighting| risen.fitted.time_s(s) > touch_s;
+        let n_after = risen.sightings.iter().filter(is_after).count();
+        if n_after >= N_AFTER_MIN { risen } else { self }
+    }
+
+    /// Takes in the first sightings after the bounce; None if the flight does not come down.
     fn go_on(&mut self, after: Vec<Sighting>) -> Option<()> {
         let touch = *self.fitted.model.touch()?;
         let physics = self.terms.world.physics;
@@ -241,10 +251,7 @@ impl<'a> Growth<'a> {
         let mut all = self.sightings.clone();
         all.extend(after.into_iter().filter(is_soon));
         self.has_bounce = true;
-        if !self.refit(ordered(all, self.terms), &start) {
-            self.has_bounce = false;
-        }
-        Some(())
+        self.refit(ordered(all, self.terms), &start).then_some(())
     }
 
     /// A flight that passes the launcher, for all that is known of it, came from there.
@@ -273,9 +280,12 @@ impl<'a> Growth<'a> {
         let touch_s = self.fitted.model.touch().map_or(f64::INFINITY, |touch| touch.t_s);
         let time_of = |s: Option<&Sighting>| s.map_or(0.0, |s| self.fitted.time_s(s));
         let back_s = time_of(self.sightings.first()) - REACH_S[0];
-        let launched_s = self.terms.world.rig.launcher_in_court_m().and_then(|launcher| {
-            Some(self.fitted.model.passing(1, launcher.y, back_s)?.t_s)
-        });
+        let launched_s = self
+            .terms
+            .world
+            .rig
+            .launcher_in_court_m()
+            .and_then(|launcher| Some(self.fitted.model.passing(1, launcher.y, back_s)?.t_s));
         let begin_s = launched_s.unwrap_or(back_s);
         let end_s = if is_after { touch_s + AFTER_S } else { touch_s - NEAR_BOUNCE_S };
         let (from_s, to_s) = (earliest_s.max(begin_s), latest_s.min(end_s));
@@ -288,7 +298,7 @@ impl<'a> Growth<'a> {
                 if seconds_between(self.reference_ns, kept.t_ns) > to_s + MARGIN_S {
                     break;
                 }
-                match self.nearest(kept, from_s..to_s) {
+                match look::at(kept, &self.fitted, from_s..to_s, self.history, self.terms) {
                     None => {}
                     Some(Look::Missed) => worth += (1.0 - DETECTED).ln(),
                     Some(Look::Seen { sighting, gain }) => {
@@ -300,58 +310,6 @@ impl<'a> Growth<'a> {
         }
         Gathered { sightings: ordered(sightings, self.terms), is_all, worth }
     }
-
-    /// What a frame shows where the ball should be; None if it should not show it.
-    fn nearest(&self, kept: &Kept, span_s: std::ops::Range<f64>) -> Option<Look> {
-        let rig = self.terms.world.rig;
-        let eye = rig.eye(kept.camera);
-        let middle_px = f64::from(eye.lens.image_px()[1]) / 2.0;
-        let at_row = |row_px: f64| Sighting {
-            camera: kept.camera,
-            t_ns: later_ns(kept.t_ns, row_px * eye.row_time_us * 1e-6),
-            raw: RawPixel { x_px: 0.0, y_px: 0.0 },
-            covariance_px2: Matrix2::identity(),
-            hidden_px2: 0.0,
-        };
-        let mut row = at_row(middle_px);
-        let mut seen = self.fitted.seen(&row, rig)?;
-        if eye.row_time_us > 0.0 {
-            row = at_row(seen.1.y.clamp(0.0, 2.0 * middle_px));
-            seen = self.fitted.seen(&row, rig)?;
-        }
-        let (slope, expected_px) = seen;
-        let time_s = self.fitted.time_s(&row);
-        let is_underground = self.fitted.model.place_at(time_s).position_m.z < 0.0;
-        if !span_s.contains(&time_s) || is_underground {
-            return None;
-        }
-        let across_px = self.fitted.speed_px_s(&row, rig)? * (eye.exposure_us * 1e-6);
-        let streak_px2 = (STREAK_SIGMA * (across_px - STREAK_MIN_PX).max(0.0)).powi(2);
-        let doubt: SMatrix<f64, 2, 2> = slope * self.fitted.covariance * slope.transpose();
-        if doubt.trace().sqrt() > DOUBT_MAX_PX {
-            return None;
-        }
-        let reach_px = GATE_SIGMAS * doubt[(1, 1)].sqrt() + REACH_PX;
-        let nearest = kept
-            .spots_in([expected_px.y - reach_px, expected_px.y + reach_px])
-            .map(|(_, spot)| Sighting {
-                hidden_px2: spot.sighting.hidden_px2 + streak_px2,
-                ..spot.sighting
-            })
-            .filter_map(|sighting| Some((self.fitted.distance(&sighting, rig, true)?, sighting)))
-            .filter(|(distance, _)| *distance <= GATE_SIGMAS)
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((distance, sighting)) = nearest else {
-            let expected = RawPixel { x_px: expected_px.x, y_px: expected_px.y };
-            return eye.lens.contains(expected).then_some(Look::Missed);
-        };
-        let noise = self.fitted.noise[kept.camera.idx()];
-        let area_px2 = TAU * (doubt + sighting.total_px2(noise)).determinant().sqrt();
-        let [width_px, height_px] = eye.lens.image_px().map(f64::from);
-        let by_chance = self.history.clutter(kept.camera) / (width_px * height_px) * area_px2;
-        let gain = (DETECTED / by_chance).ln().min(GAIN_MAX) - 0.5 * distance * distance;
-        Some(Look::Seen { sighting, gain })
-    }
 }
 
 /// What was gathered along a flight.
@@ -361,18 +319,6 @@ struct Gathered {
     is_all: bool,
     worth: f64,
 }
-
-/// What a frame that should show the ball shows.
-enum Look {
-    Missed,
-    Seen { sighting: Sighting, gain: f64 },
-}
-
-/// What one sighting can be worth: beyond, it is not clutter as it is modelled that it rules out.
-const GAIN_MAX: f64 = 8.0;
-
-/// Rows around the expected one in which a spot may be within its gate, whatever its noise.
-const REACH_PX: f64 = 12.0;
 
 /// Rounding of times when frames are looked up.
 const MARGIN_S: f64 = 0.05;

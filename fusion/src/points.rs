@@ -11,13 +11,13 @@
 //! The two sightings may be up to half a frame apart; the point's time is their mean. For cameras
 //! on either side of the flight, the columns' errors then cancel in the disparity.
 
+use crate::Dropped;
 use crate::history::SpotId;
 use crate::matched::Matched;
 use crate::motion::World;
 use crate::rectified::Sighting;
 use crate::world::court;
 use crate::world::rectification::Rectification;
-use crate::Dropped;
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Vector4};
 use shm_layout::{Camera, StampNs};
 

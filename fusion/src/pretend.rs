@@ -195,7 +195,8 @@ fn point(position_m: Point3<f64>, t_ns: StampNs) -> Point {
         rig.raw_from_tracking(camera, &position_m).unwrap_or(behind)
     };
     let covariance_px2 = Matrix2::identity() * 0.09;
-    let sighting = |camera| Sighting { camera, t_ns, raw: raw(camera), covariance_px2, hidden_px2: 0.0 };
+    let sighting =
+        |camera| Sighting { camera, t_ns, raw: raw(camera), covariance_px2, hidden_px2: 0.0 };
     // Almost all of the error is along the line of sight.
     let sight = (position_m - Point3::new(0.0, 0.0, 3.5)).normalize();
     let distance_m = (position_m - Point3::new(0.0, 0.0, 3.5)).norm();

@@ -19,9 +19,10 @@ use shm_layout::{Camera, Candidate, StampNs};
 const SHADING_PER_DIAMETER: f64 = 0.05;
 
 /// Wider than this the centre of a ball is less sure, by so many of [`Settings::bias_sigma_px`] per
-/// pixel: rendered balls of 10 px are off by 0.05 px RMS, those of 14 px by 0.2.
+/// pixel. Rendered balls of 14 px are off by 0.2 px, the same way for many frames: trusted as their
+/// noise has it they turn the launch by 0.3°.
 const NEAR_DIAMETER_PX: f64 = 8.0;
-const NEAR_PER_PX: f64 = 0.75;
+const NEAR_PER_PX: f64 = 2.5;
 
 /// Nearer to the image's edge than this, in addition to its radius, a ball may be cut.
 const CUT_MARGIN_PX: f64 = 1.5;

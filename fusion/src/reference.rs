@@ -16,10 +16,11 @@ pub mod difference;
 pub use difference::Difference;
 
 use crate::flight::unknowns::spin_axes;
+use crate::world::acceleration::{Aloft, Breeze, spin_left};
 use crate::world::ball::Physics;
 use crate::world::court;
 use crate::world::rebound::{self, Surface};
-use crate::world::trajectory::{Aloft, Breeze, STEP_S, Trajectory, spin_left};
+use crate::world::trajectory::{STEP_S, Trajectory};
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::ops::RangeInclusive;

@@ -95,9 +95,11 @@ impl Seeds {
         }
         let mut found = Vec::new();
         let is_free = |point: &Point| point.ids.iter().all(|&id| !history.is_claimed(id));
-        let pairs = self.instants.iter().flat_map(|old| &old.points).flat_map(|first| {
-            frame.points.iter().map(move |second| (first, second))
-        });
+        let pairs = self
+            .instants
+            .iter()
+            .flat_map(|old| &old.points)
+            .flat_map(|first| frame.points.iter().map(move |second| (first, second)));
         let mut n_pairs = 0;
         for (first, second) in pairs {
             let dt_s = seconds_between(first.t_ns, second.t_ns);
@@ -138,8 +140,7 @@ struct Curve<'a> {
 impl<'a> Curve<'a> {
     fn new(first: &'a Point, second: &'a Point, world: &World) -> Self {
         let apart_s = seconds_between(first.t_ns, second.t_ns);
-        let state =
-            state_between(&first.position_m, &second.position_m, apart_s, world.physics);
+        let state = state_between(&first.position_m, &second.position_m, apart_s, world.physics);
         let mean = (second.position_m - first.position_m) / apart_s;
         Self {
             first,
@@ -181,7 +182,7 @@ impl<'a> Curve<'a> {
         let is_seed = worth >= WORTH_MIN
             && n_hits.iter().all(|&n| n >= N_EACH_MIN)
             && n_hits.iter().sum::<usize>() >= N_HITS_MIN;
-        is_seed.then(|| Seed { state: self.state, t_ns: self.first.t_ns, hits, worth })
+        is_seed.then_some(Seed { state: self.state, t_ns: self.first.t_ns, hits, worth })
     }
 
     /// The free spot nearest to the curve in a frame.
@@ -192,9 +193,8 @@ impl<'a> Curve<'a> {
             seconds_between(self.first.t_ns, world.left_ns(kept.camera, row_ns))
         };
         let [_, height_px] = eye.lens.image_px();
-        let project = |since_s: f64| {
-            world.rig.raw_from_tracking(kept.camera, &self.position_m(since_s))
-        };
+        let project =
+            |since_s: f64| world.rig.raw_from_tracking(kept.camera, &self.position_m(since_s));
         let mut since_s = since(f64::from(height_px) / 2.0);
         if eye.row_time_us > 0.0 {
             let Some(near) = project(since_s) else { return Sight::Out };
@@ -207,8 +207,7 @@ impl<'a> Curve<'a> {
         let sigma_px = self.first.left.sigma_px().max(self.second.left.sigma_px());
         let widened = (GATE_PX + GATE_SIGMAS * sigma_px) * (1.0 + 2.0 * beyond_s / self.apart_s);
         let gate_px = (widened + self.mismatch_px).min(GATE_MAX_PX);
-        let distance_px =
-            |raw: &RawPixel| (raw.x_px - pixel.x_px).hypot(raw.y_px - pixel.y_px);
+        let distance_px = |raw: &RawPixel| (raw.x_px - pixel.x_px).hypot(raw.y_px - pixel.y_px);
         kept.spots_in([pixel.y_px - gate_px, pixel.y_px + gate_px])
             .filter(|(idx, _)| !kept.is_claimed(*idx))
             .map(|(idx, spot)| (idx, distance_px(&spot.sighting.raw)))

@@ -235,8 +235,7 @@ pub fn from_flight(flight: &Flight, rig: &Rig) -> Verdict {
     if let Some(rejection) = judged.rejection() {
         return Verdict::Rejected(rejection);
     }
-    let is_whole =
-        before.len() >= MIN_FLIGHT_SIGHTINGS && flight.seen_for_s() >= DURATION_MIN_S;
+    let is_whole = before.len() >= MIN_FLIGHT_SIGHTINGS && flight.seen_for_s() >= DURATION_MIN_S;
     let n_cameras = Camera::BOTH.iter().filter(|c| before.iter().any(|s| s.camera == **c)).count();
     let bounce = bounce_from(flight).filter(|_| is_whole);
     let outcome = match (is_whole, n_cameras, flight.has_bounce(), &bounce) {

@@ -193,7 +193,8 @@ impl Tracklet {
         }
         let mut motion = self.motion.clone();
         let mut has_bounced = false;
-        if let Some(touch_ns) = motion.touches_before_ns(world.left_ns(camera, newest.t_ns), world) {
+        if let Some(touch_ns) = motion.touches_before_ns(world.left_ns(camera, newest.t_ns), world)
+        {
             let Some(after) = motion.bounced(touch_ns, world) else { return };
             (motion, has_bounced) = (after, true);
         }

@@ -1,19 +1,23 @@
 //! Path -> flight: what happened, from the launcher through the bounce, with covariance.
 //!
 //! In this order: [`unknowns`] (what is fitted, and what is known of it beforehand), [`model`] (where
-//! the ball is with these unknowns, with derivatives), [`fit`] (the most likely ones). [`Flight`]
+//! the ball is with these unknowns, with derivatives), [`noise`] (what residuals are worth), [`fit`]
+//! (the most likely unknowns). [`Flight`]
 //! asks the fitted model for what people want to know; each answer's covariance is that of the
 //! unknowns through its own derivative.
 
 pub mod fit;
+pub mod fitted;
 pub mod model;
+pub mod noise;
+pub mod solved;
 pub mod unknowns;
 
 use crate::motion::{later_ns, seconds_between};
 use crate::path::Path;
 use crate::rectified::Sighting;
 use crate::world::rig::Rig;
-use fit::{Fitted, sigma_of};
+use fitted::{Fitted, sigma_of};
 use model::Instant;
 use nalgebra::{Matrix2, Matrix3, SMatrix, Vector3};
 use shm_layout::StampNs;

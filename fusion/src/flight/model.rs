@@ -9,9 +9,10 @@
 //! Times are seconds from the reference time, on the left camera's clock.
 
 use crate::flight::unknowns::{CLOCK, DRAG, GROUND, N, OUT, SPIN, Slope, Unknowns};
+use crate::world::acceleration::{Aloft, COLUMNS, Sensitivity, spin_left};
 use crate::world::ball::Physics;
 use crate::world::rebound;
-use crate::world::trajectory::{Aloft, COLUMNS, Here, Sensitivity, Trajectory, spin_left};
+use crate::world::trajectory::{Here, Trajectory};
 use nalgebra::{Matrix3, Point3, RowSVector, Vector3};
 
 /// A row of derivatives by all unknowns.
@@ -67,13 +68,8 @@ impl Model {
     /// Follows the ball.
     #[must_use]
     pub fn new(unknowns: &Unknowns, physics: &Physics, span: &Span) -> Self {
-        let before = Trajectory::new(
-            &unknowns.aloft,
-            &unknowns.breeze,
-            physics,
-            span.from_s,
-            span.to_s,
-        );
+        let before =
+            Trajectory::new(&unknowns.aloft, &unknowns.breeze, physics, span.from_s, span.to_s);
         let spin_rad_s = unknowns.aloft.spin_rad_s;
         let mut model = Self { before, touch: None, after: None, spin_rad_s };
         let height_m = physics.ball.radius_m() + unknowns.ground_m;
@@ -239,7 +235,7 @@ mod tests {
     use super::*;
     use crate::flight::unknowns::Column;
     use crate::pretend;
-    use crate::world::trajectory::Breeze;
+    use crate::world::acceleration::Breeze;
     use nalgebra::Vector2;
 
     fn unknowns() -> Unknowns {
@@ -288,7 +284,10 @@ mod tests {
                 let off = (position - here.d_position.column(i)).norm();
                 assert!(off < 2e-4 * (1.0 + position.norm()), "{kind}, {i} at {t_s}: {off}");
                 let off = (velocity - here.d_velocity.column(i)).norm();
-                assert!(off < 2e-3 * (1.0 + velocity.norm()), "velocity of {kind}, {i} at {t_s}: {off}");
+                assert!(
+                    off < 2e-3 * (1.0 + velocity.norm()),
+                    "velocity of {kind}, {i} at {t_s}: {off}"
+                );
             }
         }
     }

@@ -12,8 +12,8 @@
 //! | height of the ground at the bounce | `Settings::ground_sigma_m` | |
 //! | velocity after the bounce | that of [`rebound`](crate::world::rebound), widely | |
 
+use crate::world::acceleration::{Aloft, Breeze};
 use crate::world::ball::{DRAG_COEFFICIENT, DRAG_SIGMA};
-use crate::world::trajectory::{Aloft, Breeze};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Number of unknowns.

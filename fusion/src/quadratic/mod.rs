@@ -15,9 +15,7 @@ use crate::points::{self, Point};
 use crate::quadratic::arc::crossing_covariance;
 use crate::quadratic::split::Split;
 use crate::rectified::{Rectified, Sighting};
-use crate::shot::{
-    self, Judged, NetCrossing, Outcome, Rejection, Shot, TrackPoint, Verdict,
-};
+use crate::shot::{self, Judged, NetCrossing, Outcome, Rejection, Shot, TrackPoint, Verdict};
 use crate::world::ball::State;
 use crate::world::camera::RawPixel;
 use crate::world::court;

@@ -25,10 +25,10 @@
 //! 18 mm RMS from a window of 0.35 s, 16 from 0.45 s, 13 from 0.6 s, 12 from 0.75 s; with 0.1 px
 //! and 5 % missed 3.5, 3.1, 3.7 and 5.3 mm, where the model shows.
 
-use crate::quadratic::arc::{Arc, crossing_covariance};
-use crate::shot::Bounce;
 use crate::motion::seconds_between;
 use crate::points::Point;
+use crate::quadratic::arc::{Arc, crossing_covariance};
+use crate::shot::Bounce;
 use crate::world::ball::{GRAVITY_M_S2, Physics};
 use nalgebra::{Matrix2, Vector2};
 use shm_layout::StampNs;

@@ -122,8 +122,8 @@ mod tests {
     use crate::pretend::{self, POOR_SIGHT, Serve};
     use crate::reference::Commanded;
     use crate::shot::{NetCrossing, Outcome};
+    use crate::world::acceleration::Breeze;
     use crate::world::rebound::HARD_COURT;
-    use crate::world::trajectory::Breeze;
     use crate::{Fusion, Settings};
     use nalgebra::Point3;
     use rand::SeedableRng;

@@ -122,7 +122,10 @@ impl Lens {
 
     /// The pixel of a point and its derivative by the point; None behind the camera.
     #[must_use]
-    pub fn raw_and_slope(&self, point_in_camera: &Point3<f64>) -> Option<(RawPixel, Matrix2x3<f64>)> {
+    pub fn raw_and_slope(
+        &self,
+        point_in_camera: &Point3<f64>,
+    ) -> Option<(RawPixel, Matrix2x3<f64>)> {
         let raw = self.raw_from_point(point_in_camera)?;
         let [k1, k2, p1, p2, k3] = self.distortion;
         let (z, x, y) = (

@@ -24,6 +24,7 @@
 //! **tracking**: the frame the pipeline works in: `court` if the rig says where the court is,
 //! otherwise `left`. Without a court nothing is known of gravity or the ground.
 
+pub mod acceleration;
 pub mod air;
 pub mod ball;
 pub mod camera;

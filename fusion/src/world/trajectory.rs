@@ -1,62 +1,23 @@
-//! Position, velocity and spin at one time -> the same at any time, with derivatives.
+//! Position, velocity and spin at one time -> position and velocity at any time, with derivatives.
 //!
-//! The equation of motion, with u = v − w relative to the air and k = ρ A / 2m:
+//! [`acceleration`](crate::world::acceleration) is integrated by Runge-Kutta 4 with a fixed step of
+//! [`STEP_S`], with cubic Hermite curves between. Derivatives by the twelve numbers of [`COLUMNS`](crate::world::acceleration::COLUMNS)
+//! are integrated along (the variational equations `Ṗ = V`, `V̇ = A V + B`), so they are exact to the
+//! integrator's error; the tests compare them with differences.
 //!
-//! ```text
-//! a = g − k C_D |u| u + k R c / (1 + 2 R |c| / |u|²),   c = ω × u,   ω(t) = ω₀ exp(−t/τ)
-//! ```
-//!
-//! The last term is Eq 11 as a vector: `k C_L |u|² c/|c|` with `C_L = 1/(2 + |u|/(R ω_⊥))`, which
-//! is 0/0 at no spin in the thesis' form and smooth in this one.
-//!
-//! **Derivatives** by the twelve numbers of [`COLUMNS`] are integrated along with the flight (the
-//! variational equations `Ṗ = V`, `V̇ = A V + B`), so they are exact to the integrator's error; the
-//! tests compare them with differences.
-//!
-//! **Integrator**: Runge-Kutta 4 with a fixed step of [`STEP_S`], cubic Hermite curves between. The
-//! right side is smooth (a bounce ends a trajectory), so an adaptive one has nothing to adapt to:
-//! against `ode_solvers`' Dopri5 at a tolerance of 1e-12 the fixed step is off by a micrometre
-//! after a second (tests), and the kept-up crates bring another nalgebra along.
+//! **Why a fixed step**: the right side is smooth (a bounce ends a trajectory), so an adaptive one
+//! has nothing to adapt to. Against `ode_solvers`' Dopri5 at a tolerance of 1e-12 the fixed step is
+//! off by a micrometre after a second (tests), and the kept-up crates bring another nalgebra along.
 
+use crate::world::acceleration::{Aloft, Breeze, Model, Rate, Sensitivity};
 use crate::world::ball::Physics;
-use nalgebra::{Matrix3, Point3, SMatrix, Vector2, Vector3};
+use nalgebra::{Point3, Vector3};
 
 /// Step of the integrator and distance of the kept states.
 pub const STEP_S: f64 = 0.04;
 
-/// Time in which spin falls to 1/e; published estimates lie between 8 and 20 s. Within a flight
-/// that is less than a tenth, which no flight shows.
-pub const SPIN_DECAY_S: f64 = 12.0;
-
 /// Longest a trajectory is followed either way.
 const SPAN_MAX_S: f64 = 4.0;
-
-/// Numbers a flight depends on, in this order: position, velocity and spin at time 0, drag
-/// coefficient, and the wind's x and y.
-pub const COLUMNS: usize = 12;
-
-/// Derivative of a vector by the [`COLUMNS`].
-pub type Sensitivity = SMatrix<f64, 3, COLUMNS>;
-
-/// A ball at time 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Aloft {
-    /// Centre of the ball, court.
-    pub position_m: Point3<f64>,
-    /// Over ground.
-    pub velocity_m_s: Vector3<f64>,
-    /// Angular velocity.
-    pub spin_rad_s: Vector3<f64>,
-}
-
-/// What the air does that is not known beforehand.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Breeze {
-    /// C_D of this ball.
-    pub drag_coefficient: f64,
-    /// Velocity of the air over ground: x and y.
-    pub wind_m_s: Vector2<f64>,
-}
 
 /// One instant of a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -120,11 +81,11 @@ impl Trajectory {
         let mut knots = vec![middle; n_back + 1 + n_on];
         for i in (0..n_back).rev() {
             let t_s = (i as f64 + 1.0 - n_back as f64) * STEP_S;
-            knots[i] = model.stepped(&knots[i + 1], t_s, -STEP_S);
+            knots[i] = stepped(&model, &knots[i + 1], t_s, -STEP_S);
         }
         for i in n_back + 1..knots.len() {
             let t_s = (i as f64 - 1.0 - n_back as f64) * STEP_S;
-            knots[i] = model.stepped(&knots[i - 1], t_s, STEP_S);
+            knots[i] = stepped(&model, &knots[i - 1], t_s, STEP_S);
         }
         Self { first_s: -(n_back as f64) * STEP_S, knots }
     }
@@ -193,7 +154,11 @@ impl Trajectory {
         for _ in 0..20 {
             let here = self.place_at(t_s);
             let off = sign * (here.position_m[axis] - level);
-            if off < 0.0 { low_s = t_s } else { high_s = t_s }
+            if off < 0.0 {
+                low_s = t_s
+            } else {
+                high_s = t_s
+            }
             let next_s = t_s - off / (sign * here.velocity_m_s[axis]);
             let is_within = (low_s..=high_s).contains(&next_s);
             let next_s = if is_within { next_s } else { 0.5 * (low_s + high_s) };
@@ -206,99 +171,43 @@ impl Trajectory {
     }
 }
 
-/// How much spin is left at a time; more than all of it before time 0.
-#[must_use]
-pub fn spin_left(t_s: f64) -> f64 {
-    (-t_s / SPIN_DECAY_S).exp()
-}
-
-struct Model<'a> {
-    spin_rad_s: Vector3<f64>,
-    breeze: &'a Breeze,
-    physics: &'a Physics,
-}
-
-impl Model<'_> {
-    /// Runge-Kutta 4 for the ball and its derivatives.
-    fn stepped(&self, from: &Knot, t_s: f64, h: f64) -> Knot {
-        let at = |k: Option<&Rate>, part: f64| match k {
-            None => (from.velocity_m_s, from.d_velocity),
-            Some(k) => (
-                from.velocity_m_s + k.acceleration * (h * part),
-                from.d_velocity + k.d_acceleration * (h * part),
-            ),
-        };
-        let k1 = self.rate(t_s, at(None, 0.0));
-        let k2 = self.rate(t_s + h / 2.0, at(Some(&k1), 0.5));
-        let k3 = self.rate(t_s + h / 2.0, at(Some(&k2), 0.5));
-        let k4 = self.rate(t_s + h, at(Some(&k3), 1.0));
-        let sixth = h / 6.0;
-        Knot {
-            position_m: from.position_m
-                + (k1.velocity + (k2.velocity + k3.velocity) * 2.0 + k4.velocity) * sixth,
-            velocity_m_s: from.velocity_m_s
-                + (k1.acceleration + (k2.acceleration + k3.acceleration) * 2.0 + k4.acceleration)
-                    * sixth,
-            d_position: from.d_position
-                + (k1.d_velocity + (k2.d_velocity + k3.d_velocity) * 2.0 + k4.d_velocity) * sixth,
-            d_velocity: from.d_velocity
-                + (k1.d_acceleration
-                    + (k2.d_acceleration + k3.d_acceleration) * 2.0
-                    + k4.d_acceleration)
-                    * sixth,
-        }
+/// Runge-Kutta 4 for the ball and its derivatives.
+fn stepped(model: &Model, from: &Knot, t_s: f64, h: f64) -> Knot {
+    let at = |k: Option<&Rate>, part: f64| match k {
+        None => (from.velocity_m_s, from.d_velocity),
+        Some(k) => (
+            from.velocity_m_s + k.acceleration * (h * part),
+            from.d_velocity + k.d_acceleration * (h * part),
+        ),
+    };
+    let k1 = model.rate(t_s, at(None, 0.0));
+    let k2 = model.rate(t_s + h / 2.0, at(Some(&k1), 0.5));
+    let k3 = model.rate(t_s + h / 2.0, at(Some(&k2), 0.5));
+    let k4 = model.rate(t_s + h, at(Some(&k3), 1.0));
+    let sixth = h / 6.0;
+    Knot {
+        position_m: from.position_m
+            + (k1.velocity + (k2.velocity + k3.velocity) * 2.0 + k4.velocity) * sixth,
+        velocity_m_s: from.velocity_m_s
+            + (k1.acceleration + (k2.acceleration + k3.acceleration) * 2.0 + k4.acceleration)
+                * sixth,
+        d_position: from.d_position
+            + (k1.d_velocity + (k2.d_velocity + k3.d_velocity) * 2.0 + k4.d_velocity) * sixth,
+        d_velocity: from.d_velocity
+            + (k1.d_acceleration
+                + (k2.d_acceleration + k3.d_acceleration) * 2.0
+                + k4.d_acceleration)
+                * sixth,
     }
-
-    fn rate(&self, t_s: f64, (velocity, d_velocity): (Vector3<f64>, Sensitivity)) -> Rate {
-        let k = self.physics.air_per_m();
-        let radius_m = self.physics.ball.radius_m();
-        let left = spin_left(t_s);
-        let spin = self.spin_rad_s * left;
-        let wind = self.breeze.wind_m_s;
-        let u = velocity - Vector3::new(wind.x, wind.y, 0.0);
-        let speed = u.norm().max(1e-9);
-        let drag = self.breeze.drag_coefficient * k;
-        let c = spin.cross(&u);
-        let turn = c.norm();
-        let ratio = radius_m * turn / (speed * speed);
-        let damp = 1.0 / (1.0 + 2.0 * ratio);
-        let lift = k * radius_m * damp;
-
-        let by_drag = -(Matrix3::identity() * speed + u * u.transpose() / speed) * drag;
-        let along_c = if turn > 1e-12 { c * c.transpose() / (turn * turn) } else { Matrix3::zeros() };
-        let by_c = (Matrix3::identity() - along_c * (2.0 * ratio * damp)) * lift;
-        let by_speed = c * (lift * 4.0 * ratio * damp / (speed * speed));
-        let by_u = by_drag + by_c * spin.cross_matrix() + by_speed * u.transpose();
-
-        let mut d_acceleration = by_u * d_velocity;
-        let by_spin = by_c * u.cross_matrix() * -left;
-        let mut spins = d_acceleration.fixed_columns_mut::<3>(6);
-        spins += by_spin;
-        let mut drags = d_acceleration.fixed_columns_mut::<1>(9);
-        drags -= u * (k * speed);
-        let mut winds = d_acceleration.fixed_columns_mut::<2>(10);
-        winds -= by_u.fixed_columns::<2>(0);
-        Rate {
-            velocity,
-            acceleration: self.physics.gravity_m_s2 - u * (drag * speed) + c * lift,
-            d_velocity,
-            d_acceleration,
-        }
-    }
-}
-
-struct Rate {
-    velocity: Vector3<f64>,
-    acceleration: Vector3<f64>,
-    d_velocity: Sensitivity,
-    d_acceleration: Sensitivity,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::pretend;
-    use crate::world::ball::{DRAG_FREE_FLIGHT, drag_of_thesis, lift_of_thesis};
+    use crate::world::acceleration::{COLUMNS, spin_left};
+    use crate::world::ball::{DRAG_FREE_FLIGHT, drag_of_thesis};
+    use nalgebra::Vector2;
 
     const STILL: Breeze = Breeze { drag_coefficient: 0.53, wind_m_s: Vector2::new(0.0, 0.0) };
     const BLOWN: Breeze = Breeze { drag_coefficient: 0.55, wind_m_s: Vector2::new(1.5, -2.0) };
@@ -332,7 +241,8 @@ mod tests {
         for t_s in [-0.613, -0.02, 0.0, 0.317, 0.871] {
             let here = values(&start, &BLOWN, t_s);
             for column in 0..COLUMNS {
-                let step = [1e-3, 1e-3, 1e-2, 1e-4, 1e-3][[0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 4, 4][column]];
+                let step =
+                    [1e-3, 1e-3, 1e-2, 1e-4, 1e-3][[0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 4, 4][column]];
                 let moved = |sign: f64| {
                     let (mut start, mut breeze) = (start, BLOWN);
                     match column {
@@ -362,7 +272,8 @@ mod tests {
         struct Flight(Aloft, Physics);
         impl System<f64, State<f64>> for Flight {
             fn system(&self, t: f64, y: &State<f64>, dy: &mut State<f64>) {
-                let model = Model { spin_rad_s: self.0.spin_rad_s, breeze: &BLOWN, physics: &self.1 };
+                let model =
+                    Model { spin_rad_s: self.0.spin_rad_s, breeze: &BLOWN, physics: &self.1 };
                 let v = Vector3::new(y[3], y[4], y[5]);
                 let rate = model.rate(t, (v, Sensitivity::zeros()));
                 for i in 0..3 {
@@ -428,18 +339,6 @@ mod tests {
             let moved_m = landed_m - flat_m;
             assert!((moved_m - expected_m).abs() < 0.06, "{moved_m} for {expected_m}");
         }
-    }
-
-    #[test]
-    fn the_lift_is_that_of_equation_11() {
-        let physics = physics();
-        let spin = Vector3::new(180.0, 0.0, 0.0);
-        let model = Model { spin_rad_s: spin, breeze: &STILL, physics: &physics };
-        let velocity = Vector3::new(0.0, 25.0, 0.0);
-        let lifted = model.rate(0.0, (velocity, Sensitivity::zeros())).acceleration.z + 9.81;
-        let coefficient = lift_of_thesis(25.0 / (0.033 * 180.0));
-        let expected = physics.air_per_m() * coefficient * 625.0;
-        assert!((lifted - expected).abs() < 1e-9, "{lifted} {expected}");
     }
 
     #[test]

@@ -8,11 +8,12 @@
 
 use fusion::Settings;
 use fusion::clock::OFFSET_SIGMA_S;
-use fusion::flight::fit::{self, Scene};
+use fusion::flight::fit;
+use fusion::flight::fitted::Scene;
 use fusion::flight::unknowns::{Known, Prior, Unknowns};
 use fusion::rectified::Sighting;
+use fusion::world::acceleration::{Aloft, Breeze};
 use fusion::world::camera::RawPixel;
-use fusion::world::trajectory::{Aloft, Breeze};
 use nalgebra::{Matrix2, Vector3};
 use shm_layout::Camera;
 
@@ -75,7 +76,8 @@ pub fn bounce_bound_m2(
 /// What `fusion` would have to find.
 fn truth_at(stream: &Stream, flight: &Flight, bounce: &Bounce, at_s: f64) -> Option<Unknowns> {
     let place = |at_s: f64| flight.position_in_court_m(at_s);
-    let velocity_m_s = (place(at_s + HALF_STEP_S)? - place(at_s - HALF_STEP_S)?) / (2.0 * HALF_STEP_S);
+    let velocity_m_s =
+        (place(at_s + HALF_STEP_S)? - place(at_s - HALF_STEP_S)?) / (2.0 * HALF_STEP_S);
     let (launch, world) = (&flight.launch, &stream.scenario.world);
     let left = (-(at_s - launch.launched_at_s) / SPIN_DECAY_S).exp();
     // Air is told to fusion with another density; the drag is the same.

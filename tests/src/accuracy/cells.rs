@@ -151,9 +151,7 @@ impl Cell {
                 ground_sigma_m: 1e-5,
                 ..Settings::default()
             },
-            Level::Pixels(_) => {
-                Settings { sigma_px: SIGMA_OF_WORKERS_PX, ..Settings::default() }
-            }
+            Level::Pixels(_) => Settings { sigma_px: SIGMA_OF_WORKERS_PX, ..Settings::default() },
         }
     }
 

@@ -1,0 +1,57 @@
+//! What was left out on the way, and why: nothing is lost without being counted.
+
+use crate::shot::Rejection;
+
+/// What was left out so far, and why.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Dropped {
+    /// Frames whose stamp is not after the one before, same camera.
+    pub n_backward_frames: u64,
+    /// Frames that came when the other camera's later ones had been taken in.
+    pub n_late_frames: u64,
+    /// Candidates that are not finite numbers.
+    pub n_not_finite: u64,
+    /// Candidates outside the image, or where the lens model has no inverse.
+    pub n_outside_image: u64,
+    /// Pairs beyond [`crate::matched::MAX_PAIRS`], of candidates, or [`crate::seeds::MAX_PAIRS`], of points.
+    pub n_pairs_beyond_max: u64,
+    /// Points where no ball can be.
+    pub n_points_outside_court: u64,
+    /// Points beyond [`crate::seeds::MAX_POINTS`].
+    pub n_points_beyond_max: u64,
+    /// Tracklets beyond [`crate::tracklets::MAX_TRACKLETS`].
+    pub n_tracklets_beyond_max: u64,
+}
+
+/// Paths that were no shot so far, by [`Rejection`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Rejected {
+    /// [`Rejection::TooShort`].
+    pub n_too_short: u64,
+    /// [`Rejection::TooSlow`].
+    pub n_too_slow: u64,
+    /// [`Rejection::AwayFromNet`].
+    pub n_away_from_net: u64,
+    /// [`Rejection::NotFromLauncher`].
+    pub n_not_from_launcher: u64,
+    /// [`Rejection::OnGround`].
+    pub n_on_ground: u64,
+    /// [`Rejection::SameBall`].
+    pub n_same_ball: u64,
+    /// [`Rejection::Unlikely`].
+    pub n_unlikely: u64,
+}
+
+impl Rejected {
+    pub(crate) fn count(&mut self, rejection: Rejection) {
+        *match rejection {
+            Rejection::TooShort => &mut self.n_too_short,
+            Rejection::TooSlow => &mut self.n_too_slow,
+            Rejection::AwayFromNet => &mut self.n_away_from_net,
+            Rejection::NotFromLauncher => &mut self.n_not_from_launcher,
+            Rejection::OnGround => &mut self.n_on_ground,
+            Rejection::SameBall => &mut self.n_same_ball,
+            Rejection::Unlikely => &mut self.n_unlikely,
+        } += 1;
+    }
+}
