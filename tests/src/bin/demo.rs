@@ -173,16 +173,22 @@ impl Score {
 }
 
 fn launch_text(shot: &Shot) -> String {
-    let [speed, elevation, azimuth] = shot.launch_sigma;
+    let [speed, elevation, azimuth, backspin] = shot.launch_sigma;
     format!(
-        "{:.1} ± {:.1} km/h, {:.2} ± {:.2}° up, {:+.2} ± {:.2}° right",
+        "{:.1} ± {:.1} km/h, {:.2} ± {:.2}° up, {:+.2} ± {:.2}° right, {:+.0} ± {:.0} rpm",
         km_h(shot.launch_speed_m_s),
         km_h(speed),
         shot.launch_elevation_rad.to_degrees(),
         elevation.to_degrees(),
         shot.launch_azimuth_rad.to_degrees(),
         azimuth.to_degrees(),
+        rpm(shot.launch_backspin_rad_s),
+        rpm(backspin),
     )
+}
+
+fn rpm(spin_rad_s: f64) -> f64 {
+    spin_rad_s * 60.0 / std::f64::consts::TAU
 }
 
 /// Bounce (x, y) and launch speed, measured minus true, of the ball that bounced at that time.

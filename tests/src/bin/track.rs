@@ -32,6 +32,12 @@ struct Flags {
     /// Play at the speed of the recording instead of as fast as nothing is lost.
     #[arg(long)]
     real_speed: bool,
+    /// How shots are measured: physics, or the thesis' quadratic.
+    #[arg(long, value_name = "FIT", default_value = "physics")]
+    fit: String,
+    /// Further flags for fusion, such as "--temperature-c 12 --altitude-m 800".
+    #[arg(long, value_name = "FLAGS", allow_hyphen_values = true, default_value = "")]
+    fusion_flags: String,
     /// Flags for every worker, such as "--learning-frames 43".
     #[arg(long, value_name = "FLAGS", allow_hyphen_values = true, default_value = "")]
     worker_flags: String,
@@ -75,7 +81,8 @@ fn play(
     house: &mut Household,
     stop: &Stop,
 ) -> Result<(), processes::Error> {
-    let mut arguments: Vec<OsString> = Vec::new();
+    let mut arguments: Vec<OsString> = vec!["--fit".into(), flags.fit.as_str().into()];
+    arguments.extend(flags.fusion_flags.split_whitespace().map(Into::into));
     if let Some(path) = &shot.rig {
         arguments.extend(["--rig".into(), path.into()]);
     }
