@@ -3,9 +3,9 @@
 //! The thesis chains tracklets through a graph (8.2). Here the flight itself does: it is fitted to
 //! the tracklet's tokens ([`crate::flight`]), and every frame of [`History`] is asked, at its own
 //! time and row, for the spot nearest to where that flight was. What lies within the gate joins,
-//! the flight is fitted again, and so on outwards, each way, until nothing new comes. So a ball that
-//! was hidden, that only one camera saw, or whose tracklet began late is one path, and a token that
-//! was none is left out.
+//! the flight is fitted again, and so on outwards, each way, until nothing new comes. So a ball
+//! that was hidden, that only one camera saw, or whose tracklet began late is one path, and a token
+//! that was none is left out.
 
 use crate::flight::fit::{self, LAUNCHER_SIGMA_M};
 use crate::flight::fitted::{Fitted, Scene};

@@ -1,9 +1,9 @@
 //! Points of the last frames -> seeds: two points, and the sightings that lie on a flight through
 //! them.
 //!
-//! Any two points a few frames apart, at a speed a ball may have, are a hypothesis: gravity and drag
-//! draw the curve through both. It is projected into every frame of the last [`WINDOW_S`] of both
-//! cameras, each at its own time, and the nearest spot within a gate is a hit. A hit is worth
+//! Any two points a few frames apart, at a speed a ball may have, are a hypothesis: gravity and
+//! drag draw the curve through both. It is projected into every frame of the last [`WINDOW_S`] of
+//! both cameras, each at its own time, and the nearest spot within a gate is a hit. A hit is worth
 //! `ln(Pd / (β π r²))`, since clutter of density β seldom falls into the gate by chance; a frame
 //! without one costs `ln(1 − Pd)`. The two points themselves prove nothing and count nothing. So a
 //! missed frame costs little, and a false flight needs several false spots in the right places.

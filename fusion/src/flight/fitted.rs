@@ -1,5 +1,5 @@
-//! What a fit is given besides sightings ([`Scene`]), and what it gives ([`Fitted`]): unknowns, their
-//! covariance and the flight, and where each camera should have seen the ball.
+//! What a fit is given besides sightings ([`Scene`]), and what it gives ([`Fitted`]): unknowns,
+//! their covariance and the flight, and where each camera should have seen the ball.
 
 use crate::flight::model::{Model, Row};
 use crate::flight::unknowns::{CLOCK, Covariance, N, Unknowns};

@@ -1,13 +1,14 @@
 //! Residuals -> how hard each pulls, how large the noise is, and how far the answer scatters.
 //!
 //! Noise is Student's t with `FREEDOM` degrees of freedom: a ball half behind the net's tape is off
-//! by ten times the noise, and must not matter. Under Gaussian noise that costs 5 % of sigma (tests).
+//! by ten times the noise, and must not matter. Under Gaussian noise that costs up to 9 % of sigma
+//! (tests).
 //!
 //! **Noise**: a detector's own sigmas may be all too small or too large. Once fitted, each camera's
 //! are scaled to its residuals (maximum likelihood), and the fit is repeated. The covariance is the
-//! sandwich of M-estimation, `E ψ² / (E ψ′)²`, and is widened where residuals that follow each other
-//! are alike, `(1 + ρ)/(1 − ρ)`: a bias that lasts for some frames is not so many observations. So it
-//! means what it says whatever the pixels are worth.
+//! sandwich of M-estimation, `E ψ² / (E ψ′)²`, and is widened where residuals that follow each
+//! other are alike, `(1 + ρ)/(1 − ρ)`: a bias that lasts for some frames is not so many
+//! observations. So it means what it says whatever the pixels are worth.
 
 use nalgebra::Vector2;
 use shm_layout::Camera;
@@ -16,7 +17,7 @@ use shm_layout::Camera;
 pub const AXES: f64 = 2.0;
 
 /// Degrees of freedom of the noise; fewer trust far sightings less.
-const FREEDOM: f64 = 5.0;
+const FREEDOM: f64 = 3.0;
 
 /// Fewest sightings that tell their own noise.
 pub const N_NOISE_MIN: usize = 12;
@@ -142,14 +143,14 @@ mod tests {
     }
 
     #[test]
-    fn gaussian_noise_costs_five_percent_of_sigma() {
+    fn gaussian_noise_costs_less_than_ten_percent_of_sigma() {
         for sigma in [0.3, 1.0, 4.0] {
             let all = residuals(sigma, 0.0);
             let (_, variance) = spread_of(&all);
             let sum: f64 = all.iter().map(Vector2::norm_squared).sum();
             let ratio = variance / (sum / (AXES * all.len() as f64));
             println!("spread {ratio:.3} times that of the mean at {sigma}");
-            assert!((1.0..1.15).contains(&ratio), "{ratio} at {sigma}");
+            assert!((1.0..1.22).contains(&ratio), "{ratio} at {sigma}");
         }
     }
 

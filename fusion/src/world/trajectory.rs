@@ -1,9 +1,9 @@
 //! Position, velocity and spin at one time -> position and velocity at any time, with derivatives.
 //!
 //! [`acceleration`](crate::world::acceleration) is integrated by Runge-Kutta 4 with a fixed step of
-//! [`STEP_S`], with cubic Hermite curves between. Derivatives by the twelve numbers of [`COLUMNS`](crate::world::acceleration::COLUMNS)
-//! are integrated along (the variational equations `Ṗ = V`, `V̇ = A V + B`), so they are exact to the
-//! integrator's error; the tests compare them with differences.
+//! [`STEP_S`], with cubic Hermite curves between. Derivatives by the twelve numbers of `COLUMNS`
+//! are integrated along (the variational equations `Ṗ = V`, `V̇ = A V + B`), so they are exact to
+//! the integrator's error; the tests compare them with differences.
 //!
 //! **Why a fixed step**: the right side is smooth (a bounce ends a trajectory), so an adaptive one
 //! has nothing to adapt to. Against `ode_solvers`' Dopri5 at a tolerance of 1e-12 the fixed step is
