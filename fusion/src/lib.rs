@@ -5,9 +5,10 @@
 //! [`candidates_csv`] reads and writes files of them), [`rectified`], [`merged`] (one stream in the
 //! order of time), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`] ([`lone`]
 //! if one camera is silent), [`motion`] and [`tracklets`], [`look`] and [`path`], [`flight`],
-//! [`launch`] and [`shot`], [`decided`], and how they leave, [`shots_json`] and [`message`]. [`clock`] carries what shots say of the cameras' clocks;
-//! [`quadratic`] is the thesis' way to measure. [`Fusion`] is all of it. [`mod@reference`] is what
-//! a ball machine's settings should have given, and how a shot differs.
+//! [`launch`] and [`shot`], [`decided`], and how they leave, [`shots_json`] and [`message`].
+//! [`clock`] carries what shots say of the cameras' clocks; [`quadratic`] is the thesis' way to
+//! measure. [`Fusion`] is all of it. [`mod@reference`] is what a ball machine's settings should
+//! have given, and how a shot differs.
 //!
 //! Deliberately absent: IO, a clock of its own, and `Result` in the pipeline. What cannot be used
 //! is dropped and counted ([`Dropped`], [`Rejected`]). Every queue has a maximum, so a stream may

@@ -135,7 +135,7 @@ fn what_one_camera_gives(rig: &Rig, fit: FitFlag) -> &'static str {
     let is_place_known = rig.court_from_left().is_some() && rig.launcher_in_court_m().is_some();
     match fit {
         FitFlag::Physics if is_place_known => {
-            "shots are measured from the launcher's place, with wide sigmas"
+            "shots are measured from the launcher's place; what it does not see has wide sigmas"
         }
         FitFlag::Physics => {
             "the rig has no court with a launcher: no shot can be measured, only candidates are \
