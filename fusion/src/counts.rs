@@ -14,7 +14,7 @@ pub struct Dropped {
     /// Candidates outside the image, or where the lens model has no inverse.
     pub n_outside_image: u64,
     /// Pairs beyond [`crate::matched::MAX_PAIRS`], of candidates, or [`crate::seeds::MAX_PAIRS`],
-    /// of points.
+    /// of points, or those of [`crate::lone`].
     pub n_pairs_beyond_max: u64,
     /// Points where no ball can be.
     pub n_points_outside_court: u64,

@@ -17,6 +17,9 @@ pub const KEPT_S: f64 = 4.0;
 /// Most frames kept per camera: 4 s at 128 Hz.
 pub const MAX_FRAMES: usize = 512;
 
+/// A camera that shows nothing for this long is not there.
+pub const SILENT_S: f64 = 0.3;
+
 /// Frames the mean clutter is taken over.
 const N_CLUTTER: f64 = 64.0;
 
@@ -110,6 +113,16 @@ impl History {
         let frames = &self.sides[camera.idx()].frames;
         let first = frames.partition_point(|kept| kept.t_ns < t_ns);
         frames.range(first..)
+    }
+
+    /// Whether the other camera has shown nothing for [`SILENT_S`] of a camera's time.
+    #[must_use]
+    pub fn is_alone(&self, camera: Camera) -> bool {
+        let [own, other] = [camera.idx(), 1 - camera.idx()].map(|i| &self.sides[i].frames);
+        let since = other.back().or_else(|| own.front());
+        own.back()
+            .zip(since)
+            .is_some_and(|(now, since)| seconds_between(since.t_ns, now.t_ns) > SILENT_S)
     }
 
     /// A spot, if its frame is still known.

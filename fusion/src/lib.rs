@@ -3,11 +3,12 @@
 //! Read in this order, which is that of the chain: [`world`] (what is known before play), then
 //! [`candidates`] (strips of a frame put together; [`intake`] keeps account of them,
 //! [`candidates_csv`] reads and writes files of them), [`rectified`], [`merged`] (one stream in the
-//! order of time), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`], [`motion`]
-//! and [`tracklets`], [`look`] and [`path`], [`flight`], [`launch`] and [`shot`], [`decided`], and
-//! how they leave, [`shots_json`] and [`message`]. [`clock`] carries what shots say of the cameras'
-//! clocks; [`quadratic`] is the thesis' way to measure. [`Fusion`] is all of it. [`mod@reference`]
-//! is what a ball machine's settings should have given, and how a shot differs.
+//! order of time), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`] ([`lone`]
+//! if one camera is silent), [`motion`] and [`tracklets`], [`look`] and [`path`], [`flight`],
+//! [`launch`] and [`shot`], [`decided`], and how they leave, [`shots_json`] and [`message`].
+//! [`clock`] carries what shots say of the cameras' clocks; [`quadratic`] is the thesis' way to
+//! measure. [`Fusion`] is all of it. [`mod@reference`] is what a ball machine's settings should
+//! have given, and how a shot differs.
 //!
 //! Deliberately absent: IO, a clock of its own, and `Result` in the pipeline. What cannot be used
 //! is dropped and counted ([`Dropped`], [`Rejected`]). Every queue has a maximum, so a stream may
@@ -25,6 +26,7 @@ pub mod flight;
 pub mod history;
 pub mod intake;
 pub mod launch;
+pub mod lone;
 pub mod look;
 pub mod matched;
 pub mod merged;
@@ -181,6 +183,10 @@ impl Fusion {
                 matched::from_frames(left, right, rectification, &world, &self.settings, dropped);
             let points = points::from_matched(&pairs, t_ns, rectification, &world, dropped);
             let seeds = self.seeds.update(points, history, &world, dropped);
+            self.tracklets.sow(&seeds, history, &world, dropped);
+        }
+        if history.is_alone(camera) {
+            let seeds = lone::seeds_from(camera, history, &self.rectification, &world, dropped);
             self.tracklets.sow(&seeds, history, &world, dropped);
         }
         self.decided(Some(t_ns))

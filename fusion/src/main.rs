@@ -96,8 +96,8 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     );
     let is_one_camera =
         flags.recorded.len() == 1 || flags.left_csv.is_some() != flags.right_csv.is_some();
-    if rig.is_some() && is_one_camera {
-        eprintln!("fusion: one camera: no shot can be measured, only candidates are written");
+    if let Some(rig) = rig.as_ref().filter(|_| is_one_camera) {
+        eprintln!("fusion: one camera: {}", what_one_camera_gives(rig, flags.fit));
     }
     let outputs = Outputs::open(flags)?;
     ensure!(
@@ -127,6 +127,23 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         from_files(flags, table)
     } else {
         from_boards(flags, table, stop)
+    }
+}
+
+/// What to expect if only one camera is there.
+fn what_one_camera_gives(rig: &Rig, fit: FitFlag) -> &'static str {
+    let is_place_known = rig.court_from_left().is_some() && rig.launcher_in_court_m().is_some();
+    match fit {
+        FitFlag::Physics if is_place_known => {
+            "shots are measured from the launcher's place; what it does not see has wide sigmas"
+        }
+        FitFlag::Physics => {
+            "the rig has no court with a launcher: no shot can be measured, only candidates are \
+             written"
+        }
+        FitFlag::Quadratic => {
+            "--fit quadratic needs two: no shot can be measured, only candidates are written"
+        }
     }
 }
 

@@ -31,6 +31,10 @@ const STEP_S: f64 = 0.03;
 const START_SIGMA_M: f64 = 1.0;
 const START_SIGMA_M_S: f64 = 10.0;
 
+/// 1 sigma of how long a ball had flown that only one camera saw, and of where it began.
+const FLOWN_SIGMA_S: f64 = 0.1;
+const LAUNCHER_SIGMA_M: f64 = 0.05;
+
 /// 1 sigma after a bounce: part of the speed along the ground and of that upwards, and a rest.
 const BOUNCE_SIGMA: [f64; 2] = [0.15, 0.12];
 const BOUNCE_SIGMA_M_S: f64 = 0.4;
@@ -143,6 +147,25 @@ impl Motion {
         let covariance = SMatrix::from_diagonal(&sigmas.component_mul(&sigmas));
         let excess_m_s2 = Vector3::zeros();
         Self { t_ns, state, excess_m_s2, clock_s, is_rolling: false, covariance }
+    }
+
+    /// With a place and a velocity as far as the launcher tells them, which let go of it `flown_s`
+    /// earlier: that time, the velocity and what bends the flight are known as little as ever, but
+    /// they and the launcher make the place.
+    #[must_use]
+    pub fn from_launcher(t_ns: StampNs, state: State, flown_s: f64, world: &World) -> Self {
+        let mut motion = Self::new(t_ns, state, world);
+        let acceleration = world.physics.acceleration_m_s2(&state.velocity_m_s);
+        let at_launch_m_s = state.velocity_m_s - acceleration * flown_s;
+        // place = launcher + velocity t − (acceleration + excess) t²/2
+        let mut f = SMatrix::<f64, N, N>::identity();
+        f.fixed_view_mut::<3, 3>(0, 3).fill_diagonal(flown_s);
+        f.fixed_view_mut::<3, 3>(0, EXCESS).fill_diagonal(-0.5 * flown_s * flown_s);
+        let place_m2 = at_launch_m_s * at_launch_m_s.transpose() * FLOWN_SIGMA_S.powi(2)
+            + Matrix3::identity() * LAUNCHER_SIGMA_M.powi(2);
+        motion.covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&place_m2);
+        motion.covariance = f * motion.covariance * f.transpose();
+        motion
     }
 
     /// 1 sigma of the position, its largest axis at most.

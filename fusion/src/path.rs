@@ -10,7 +10,7 @@
 use crate::flight::fit::{self, LAUNCHER_SIGMA_M};
 use crate::flight::fitted::{Fitted, Scene};
 use crate::flight::unknowns::{Known, Prior, Unknowns};
-use crate::history::History;
+use crate::history::{History, Kept};
 use crate::look::{self, GATE_SIGMAS, Look};
 use crate::motion::{World, later_ns, seconds_between};
 use crate::rectified::Sighting;
@@ -29,14 +29,19 @@ const N_TOKENS_MIN: usize = 6;
 const GROWTH_S: f64 = 0.25;
 const N_ROUNDS_MAX: usize = 8;
 
-/// Fewest sightings after a bounce that make it one.
+/// Fewest sightings after a bounce that make it one, and of one camera: as many instants.
 const N_AFTER_MIN: usize = 3;
+const N_AFTER_LONE_MIN: usize = 6;
 
 /// What is used of the flight after the bounce: more tells little of the bounce.
 const AFTER_S: f64 = 0.25;
 
 /// Nearer to the bounce than this a sighting does not say on which side it is.
 const NEAR_BOUNCE_S: f64 = 0.004;
+
+/// Longest a ball that only one camera saw may have been in its image before it was seen: one that
+/// bounced far away fits a flight from the launcher too, but one nobody saw.
+const LONE_UNSEEN_MAX_S: f64 = 0.2;
 
 /// Longest flight back to the launcher, and on to the ground, beyond what was seen.
 const REACH_S: [f64; 2] = [1.2, 1.5];
@@ -86,6 +91,7 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
         });
     }
     let mut growth = Growth::new(tracklet, before, history, terms)?;
+    let is_lone = growth.launcher_m.is_some();
     growth.grow(false);
     growth.finish();
     growth.grow(false);
@@ -97,7 +103,11 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
     growth.finish();
     growth.adopt_launcher_if_near();
     let whole = [f64::NEG_INFINITY, f64::INFINITY];
-    let worth = growth.gathered(whole, growth.has_bounce).worth;
+    let is_late = is_lone && growth.unseen_s() > LONE_UNSEEN_MAX_S;
+    let worth = match is_late {
+        true => f64::NEG_INFINITY,
+        false => growth.gathered(whole, growth.has_bounce).worth,
+    };
     let Growth { sightings, fitted, has_bounce, .. } = growth;
     Some(Path { sightings, fitted: Some(fitted), has_bounce, worth })
 }
@@ -155,14 +165,17 @@ impl<'a> Growth<'a> {
             out_and_in_m_s: [Vector3::zeros(); 2],
         };
         let prior = Prior::new(&start, &known);
-        let scene = scene(terms, None, false);
+        // Of one camera's sightings nothing else tells how far away they are.
+        let is_lone = sightings.iter().all(|s| s.camera == first.camera);
+        let launcher_m = terms.world.rig.launcher_in_court_m().filter(|_| is_lone);
+        let scene = scene(terms, launcher_m, false);
         let fitted = fit::roughly(&sightings, reference_ns, (&start, [1.0; 2]), &prior, &scene)?;
         Some(Self {
             sightings,
             fitted,
             has_bounce: false,
             prior,
-            launcher_m: None,
+            launcher_m,
             reference_ns,
             history,
             terms,
@@ -226,7 +239,9 @@ impl<'a> Growth<'a> {
         let touch_s = risen.fitted.model.touch().map_or(f64::INFINITY, |touch| touch.t_s);
         let is_after = |s: &&Sighting| risen.fitted.time_s(s) > touch_s;
         let n_after = risen.sightings.iter().filter(is_after).count();
-        if n_after >= N_AFTER_MIN { risen } else { self }
+        let is_lone = risen.launcher_m.is_some();
+        let n_min = if is_lone { N_AFTER_LONE_MIN } else { N_AFTER_MIN };
+        if n_after >= n_min { risen } else { self }
     }
 
     /// Takes in the first sightings after the bounce; None if the flight does not come down.
@@ -274,19 +289,35 @@ impl<'a> Growth<'a> {
         }
     }
 
+    /// When it left the launcher, or the earliest that is looked at.
+    fn begin_s(&self) -> f64 {
+        let first_s = self.sightings.first().map_or(0.0, |s| self.fitted.time_s(s));
+        let back_s = first_s - REACH_S[0];
+        let launcher = self.terms.world.rig.launcher_in_court_m();
+        let there = launcher.and_then(|at| self.fitted.model.passing(1, at.y, back_s));
+        there.map_or(back_s, |there| there.t_s)
+    }
+
+    /// How long the flight had been in its camera's image when it was first seen.
+    fn unseen_s(&self) -> f64 {
+        let (rig, first, begin_s) = (self.terms.world.rig, self.sightings[0], self.begin_s());
+        let lens = rig.eye(first.camera).lens;
+        let is_in_image = |kept: &&Kept| {
+            let time_s = self.fitted.time_s(&Sighting { t_ns: kept.t_ns, ..first });
+            let position_m = self.fitted.model.place_at(time_s).position_m;
+            let raw = rig.raw_from_tracking(first.camera, &position_m);
+            time_s >= begin_s && raw.is_some_and(|raw| lens.contains(raw))
+        };
+        let from_ns = later_ns(first.t_ns, -REACH_S[0]);
+        let entered = self.history.since(first.camera, from_ns).find(is_in_image);
+        entered.map_or(0.0, |kept| seconds_between(kept.t_ns, first.t_ns))
+    }
+
     /// The spot of every frame of a time span that fits the flight best, if any is within the
     /// gate.
     fn gathered(&self, [earliest_s, latest_s]: [f64; 2], is_after: bool) -> Gathered {
         let touch_s = self.fitted.model.touch().map_or(f64::INFINITY, |touch| touch.t_s);
-        let time_of = |s: Option<&Sighting>| s.map_or(0.0, |s| self.fitted.time_s(s));
-        let back_s = time_of(self.sightings.first()) - REACH_S[0];
-        let launched_s = self
-            .terms
-            .world
-            .rig
-            .launcher_in_court_m()
-            .and_then(|launcher| Some(self.fitted.model.passing(1, launcher.y, back_s)?.t_s));
-        let begin_s = launched_s.unwrap_or(back_s);
+        let begin_s = self.begin_s();
         let end_s = if is_after { touch_s + AFTER_S } else { touch_s - NEAR_BOUNCE_S };
         let (from_s, to_s) = (earliest_s.max(begin_s), latest_s.min(end_s));
         let is_all = earliest_s <= begin_s && latest_s >= end_s;

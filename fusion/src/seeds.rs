@@ -11,6 +11,8 @@
 //! **Cost**: pairs of points within a short window, at most [`MAX_PAIRS`] per frame, times the
 //! frames of the window: bounded whatever the clutter. Twenty false spots per camera take about
 //! 0.1 ms a frame.
+//!
+//! One camera alone: [`crate::lone`].
 
 use crate::Dropped;
 use crate::history::{History, Kept, SpotId};
@@ -18,7 +20,7 @@ use crate::motion::{World, later_ns, seconds_between, state_between};
 use crate::points::{Point, PointFrame};
 use crate::world::ball::State;
 use crate::world::camera::RawPixel;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use shm_layout::{Camera, StampNs};
 use std::collections::VecDeque;
 
@@ -67,8 +69,12 @@ pub struct Seed {
     pub state: State,
     /// Time of the first point, left clock.
     pub t_ns: StampNs,
-    /// Spots on the curve, both points' own among them.
+    /// How long it had flown from the launcher, if only that tells how far away it is.
+    pub flown_s: Option<f64>,
+    /// Spots on the curve; those of the hypothesis first.
     pub hits: Vec<SpotId>,
+    /// How many are those of the hypothesis.
+    pub n_own: usize,
     /// Sum of what hits and misses are worth.
     pub worth: f64,
 }
@@ -126,29 +132,54 @@ impl Seeds {
     }
 }
 
-/// The flight through two points.
-struct Curve<'a> {
-    first: &'a Point,
-    second: &'a Point,
-    state: State,
-    apart_s: f64,
-    acceleration_m_s2: nalgebra::Vector3<f64>,
+/// The flight through two points, and the gate around it.
+pub(crate) struct Curve {
+    /// The spots the two points were made of.
+    pub own: Vec<SpotId>,
+    /// Time of the first point, left clock, and until the second.
+    pub t_ns: StampNs,
+    pub apart_s: f64,
+    /// Place and velocity at the first point.
+    pub state: State,
+    acceleration_m_s2: Vector3<f64>,
+    sigma_px: f64,
     /// Half of how far the rows of the pairs disagree: clocks that are apart, or false pairs.
     mismatch_px: f64,
 }
 
-impl<'a> Curve<'a> {
-    fn new(first: &'a Point, second: &'a Point, world: &World) -> Self {
-        let apart_s = seconds_between(first.t_ns, second.t_ns);
-        let state = state_between(&first.position_m, &second.position_m, apart_s, world.physics);
-        let mean = (second.position_m - first.position_m) / apart_s;
+/// What the frames of the last [`WINDOW_S`] say of a curve, the spots it was made of left out.
+pub(crate) struct Support {
+    pub worth: f64,
+    pub n_hits: [usize; 2],
+    pub hits: Vec<SpotId>,
+}
+
+impl Curve {
+    fn new(first: &Point, second: &Point, world: &World) -> Self {
+        let places = [first, second].map(|point| (point.t_ns, point.position_m));
+        let own = [first, second].iter().flat_map(|point| point.ids).collect();
+        let sigma_px = first.left.sigma_px().max(second.left.sigma_px());
+        let mismatch_px = 0.5 * first.row_mismatch_px.abs().max(second.row_mismatch_px.abs());
+        Self { mismatch_px, ..Self::through(places, own, sigma_px, world) }
+    }
+
+    /// Through two places, the earlier first, that come from these spots.
+    pub fn through(
+        [(first_ns, first_m), (second_ns, second_m)]: [(StampNs, Point3<f64>); 2],
+        own: Vec<SpotId>,
+        sigma_px: f64,
+        world: &World,
+    ) -> Self {
+        let apart_s = seconds_between(first_ns, second_ns);
+        let mean = (second_m - first_m) / apart_s;
         Self {
-            first,
-            second,
-            state,
+            own,
+            t_ns: first_ns,
             apart_s,
+            state: state_between(&first_m, &second_m, apart_s, world.physics),
             acceleration_m_s2: world.physics.acceleration_m_s2(&mean),
-            mismatch_px: 0.5 * first.row_mismatch_px.abs().max(second.row_mismatch_px.abs()),
+            sigma_px,
+            mismatch_px: 0.0,
         }
     }
 
@@ -158,31 +189,44 @@ impl<'a> Curve<'a> {
             + self.acceleration_m_s2 * (0.5 * since_s * since_s)
     }
 
-    fn seed(&self, history: &History, world: &World) -> Option<Seed> {
-        let (mut worth, mut n_hits) = (0.0, [0; 2]);
-        let mut hits: Vec<SpotId> = [self.first, self.second].iter().flat_map(|p| p.ids).collect();
-        let from_ns = later_ns(self.second.t_ns, -WINDOW_S);
-        for camera in Camera::BOTH {
-            let own = [self.first, self.second].map(|point| point.ids[camera.idx()].serial);
+    fn seed(self, history: &History, world: &World) -> Option<Seed> {
+        let support = self.support(&Camera::BOTH, history, world);
+        let is_seed = support.worth >= WORTH_MIN
+            && support.n_hits.iter().all(|&n| n >= N_EACH_MIN)
+            && support.n_hits.iter().sum::<usize>() >= N_HITS_MIN;
+        is_seed.then(|| self.seed_with(support, None))
+    }
+
+    /// The seed it is, if that is support enough.
+    pub fn seed_with(self, support: Support, flown_s: Option<f64>) -> Seed {
+        let Self { own: mut hits, t_ns, state, .. } = self;
+        let n_own = hits.len();
+        hits.extend(support.hits);
+        Seed { state, t_ns, flown_s, hits, n_own, worth: support.worth }
+    }
+
+    /// What some cameras' frames say of it.
+    pub fn support(&self, cameras: &[Camera], history: &History, world: &World) -> Support {
+        let mut support = Support { worth: 0.0, n_hits: [0; 2], hits: Vec::new() };
+        let from_ns = later_ns(self.t_ns, self.apart_s - WINDOW_S);
+        for &camera in cameras {
             for kept in history.since(camera, from_ns) {
-                if own.contains(&kept.serial) {
+                let is_own = |id: &SpotId| (id.camera, id.serial) == (camera, kept.serial);
+                if self.own.iter().any(is_own) {
                     continue;
                 }
                 match self.hit(kept, world) {
                     Sight::Out => {}
-                    Sight::Missed => worth += (1.0 - DETECTED).ln(),
+                    Sight::Missed => support.worth += (1.0 - DETECTED).ln(),
                     Sight::Hit { idx, gate_px } => {
-                        worth += hit_worth(gate_px, camera, history, world);
-                        n_hits[camera.idx()] += 1;
-                        hits.push(kept.id(idx));
+                        support.worth += hit_worth(gate_px, camera, history, world);
+                        support.n_hits[camera.idx()] += 1;
+                        support.hits.push(kept.id(idx));
                     }
                 }
             }
         }
-        let is_seed = worth >= WORTH_MIN
-            && n_hits.iter().all(|&n| n >= N_EACH_MIN)
-            && n_hits.iter().sum::<usize>() >= N_HITS_MIN;
-        is_seed.then_some(Seed { state: self.state, t_ns: self.first.t_ns, hits, worth })
+        support
     }
 
     /// The free spot nearest to the curve in a frame.
@@ -190,7 +234,7 @@ impl<'a> Curve<'a> {
         let eye = world.rig.eye(kept.camera);
         let since = |row_px: f64| {
             let row_ns = later_ns(kept.t_ns, row_px * eye.row_time_us * 1e-6);
-            seconds_between(self.first.t_ns, world.left_ns(kept.camera, row_ns))
+            seconds_between(self.t_ns, world.left_ns(kept.camera, row_ns))
         };
         let [_, height_px] = eye.lens.image_px();
         let project =
@@ -204,8 +248,8 @@ impl<'a> Curve<'a> {
             return Sight::Out;
         };
         let beyond_s = (-since_s).max(since_s - self.apart_s).max(0.0);
-        let sigma_px = self.first.left.sigma_px().max(self.second.left.sigma_px());
-        let widened = (GATE_PX + GATE_SIGMAS * sigma_px) * (1.0 + 2.0 * beyond_s / self.apart_s);
+        let widened =
+            (GATE_PX + GATE_SIGMAS * self.sigma_px) * (1.0 + 2.0 * beyond_s / self.apart_s);
         let gate_px = (widened + self.mismatch_px).min(GATE_MAX_PX);
         let distance_px = |raw: &RawPixel| (raw.x_px - pixel.x_px).hypot(raw.y_px - pixel.y_px);
         kept.spots_in([pixel.y_px - gate_px, pixel.y_px + gate_px])

@@ -28,9 +28,6 @@ pub const SILENCE_S: f64 = 0.3;
 /// Longest a ball that went out of sight in the air is waited for.
 const DUE_MAX_S: f64 = 2.5;
 
-/// Sightings of a seed's two points.
-const N_OWN: usize = 4;
-
 /// A tracklet that one camera has missed for so many frames in a row follows something else.
 const N_MISSED_MAX: u32 = 30;
 
@@ -91,9 +88,16 @@ impl Tracklet {
         hits.sort_unstable_by_key(|(t_ns, id)| (*t_ns, id.camera, id.serial));
         let (first_ns, _) = *hits.first()?;
         let state = world.physics.propagated(seed.state, seconds_between(seed.t_ns, first_ns));
+        let motion = match seed.flown_s {
+            Some(flown_s) => {
+                let flown_s = flown_s + seconds_between(seed.t_ns, first_ns);
+                Motion::from_launcher(first_ns, state, flown_s, world)
+            }
+            None => Motion::new(first_ns, state, world),
+        };
         let mut tracklet = Self {
             tokens: Vec::with_capacity(64),
-            motion: Motion::new(first_ns, state, world),
+            motion,
             falling: None,
             is_told: false,
             worth: seed.worth.min(WORTH_MAX),
@@ -105,8 +109,9 @@ impl Tracklet {
         };
         // Both cameras' sightings of the two points first: one camera alone would bend the filter
         // before the other tells the depth.
-        let is_own = |id: &SpotId| seed.hits[..N_OWN].contains(id);
-        for id in &seed.hits[..N_OWN] {
+        let own = &seed.hits[..seed.n_own];
+        let is_own = |id: &SpotId| own.contains(id);
+        for id in own {
             tracklet.take_in(history.sighting(*id)?, world);
         }
         tracklet.motion = tracklet.motion.advanced(first_ns, world)?;
@@ -187,6 +192,7 @@ impl Tracklet {
 
     /// Looks for its ball in a camera's newest frame.
     fn update(&mut self, camera: Camera, history: &mut History, world: &World) {
+        let is_alone = history.is_alone(camera);
         let Some(newest) = history.newest(camera) else { return };
         if self.has_ended(newest.t_ns) {
             return;
@@ -224,7 +230,7 @@ impl Tracklet {
                 self.worth += (1.0 - DETECTED).ln();
                 self.n_missed[camera.idx()] += 1;
                 let [left, right] = self.n_missed;
-                self.is_lost = left.abs_diff(right) > N_MISSED_MAX;
+                self.is_lost = left.abs_diff(right) > N_MISSED_MAX && !is_alone;
             }
             return;
         };
