@@ -56,3 +56,30 @@ impl Rejected {
         } += 1;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_reason_is_counted_by_itself() {
+        let mut rejected = Rejected::default();
+        for (i, (rejection, count)) in [
+            (Rejection::TooShort, (|r| r.n_too_short) as fn(&Rejected) -> u64),
+            (Rejection::TooSlow, |r| r.n_too_slow),
+            (Rejection::AwayFromNet, |r| r.n_away_from_net),
+            (Rejection::NotFromLauncher, |r| r.n_not_from_launcher),
+            (Rejection::OnGround, |r| r.n_on_ground),
+            (Rejection::SameBall, |r| r.n_same_ball),
+            (Rejection::Unlikely, |r| r.n_unlikely),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            for _ in 0..=i {
+                rejected.count(rejection);
+            }
+            assert_eq!(count(&rejected), i as u64 + 1, "{rejection:?}");
+        }
+    }
+}

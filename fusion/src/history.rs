@@ -167,3 +167,127 @@ impl History {
         frames.get(place as usize)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pretend::{self, PERIOD_NS};
+    use crate::rectified;
+    use crate::world::rectification::Rectification;
+    use crate::{Dropped, Settings};
+    use shm_layout::Candidate;
+
+    /// A left frame with a spot in each of some rows.
+    fn frame(t_ns: StampNs, rows_px: &[f32]) -> RectifiedFrame {
+        let rig = pretend::reference_rig();
+        let spots = rows_px.iter().map(|&y_px| Candidate::at(300.0, y_px)).collect();
+        rectified::from_candidates(
+            Camera::Left,
+            &pretend::frame(0, t_ns, spots),
+            &rig,
+            &Rectification::from_rig(&rig),
+            &Settings::default(),
+            &mut Dropped::default(),
+        )
+    }
+
+    fn id(serial: u64, idx: usize) -> SpotId {
+        SpotId { camera: Camera::Left, serial, idx }
+    }
+
+    #[test]
+    fn frames_are_forgotten_by_age_at_a_low_rate_and_by_number_at_a_high_one() {
+        // In KEPT_S at 90 Hz there are 360 periods of 11.1 ms, and one frame more; at 1 kHz more
+        // than MAX_FRAMES.
+        let within = (KEPT_S * 1e9) as StampNs / PERIOD_NS + 1;
+        for (period_ns, expected) in [(PERIOD_NS, within as usize), (1_000_000, MAX_FRAMES)] {
+            let mut history = History::default();
+            for i in 0..1000 {
+                history.push(frame(i * period_ns, &[]));
+                let kept: Vec<&Kept> = history.since(Camera::Left, StampNs::MIN).collect();
+                assert!(kept.len() <= MAX_FRAMES, "{} frames", kept.len());
+                assert!(seconds_between(kept[0].t_ns, i * period_ns) <= KEPT_S);
+            }
+            let kept: Vec<&Kept> = history.since(Camera::Left, StampNs::MIN).collect();
+            assert_eq!(kept.len(), expected);
+            assert_eq!(kept.last().unwrap().serial, 999);
+            assert!(kept.windows(2).all(|pair| pair[1].serial == pair[0].serial + 1));
+            assert!(history.newest(Camera::Right).is_none(), "the other camera has its own");
+        }
+    }
+
+    #[test]
+    fn a_serial_that_is_forgotten_or_not_yet_known_finds_nothing_and_claims_nothing() {
+        let mut history = History::default();
+        for i in 0..600 {
+            history.push(frame(i * 1_000_000, &[100.0, 200.0]));
+        }
+        let first = 600 - MAX_FRAMES as u64;
+        for serial in [0, first - 1, 600, u64::MAX] {
+            history.claim(id(serial, 1));
+            assert!(history.sighting(id(serial, 1)).is_none(), "{serial}");
+            assert!(!history.is_claimed(id(serial, 1)), "{serial}");
+        }
+        assert!(history.since(Camera::Left, 0).all(|kept| kept.claimed == 0));
+        for serial in [first, 599] {
+            let found = history.sighting(id(serial, 1)).unwrap();
+            assert_eq!((found.t_ns, found.raw.y_px), (serial as StampNs * 1_000_000, 200.0));
+        }
+        assert!(history.sighting(id(599, 2)).is_none(), "a spot the frame does not have");
+    }
+
+    #[test]
+    fn a_claim_is_of_one_spot_and_lasts_as_long_as_its_frame() {
+        let mut history = History::default();
+        let rows: Vec<f32> = (0..MAX_CANDIDATES as u8).map(|i| f32::from(i) * 7.0).collect();
+        history.push(frame(0, &rows));
+        history.claim(id(0, 0));
+        history.claim(id(0, 63));
+        for i in 1..MAX_FRAMES as u64 + 8 {
+            history.push(frame(i as StampNs * 1_000_000, &rows));
+            let n_claimed = history
+                .since(Camera::Left, 0)
+                .flat_map(|kept| (0..MAX_CANDIDATES).filter(|&idx| kept.is_claimed(idx)))
+                .count();
+            let is_kept = i < MAX_FRAMES as u64;
+            assert_eq!(n_claimed, if is_kept { 2 } else { 0 }, "{i} frames later");
+            assert_eq!(history.is_claimed(id(0, 63)), is_kept);
+        }
+    }
+
+    #[test]
+    fn clutter_is_the_mean_of_what_is_not_claimed_and_never_nothing() {
+        let mut history = History::default();
+        assert_eq!(history.clutter(Camera::Left), CLUTTER_MIN);
+        for i in 0..400 {
+            // 3 and 5 by turns, of which one is a ball's.
+            let rows: Vec<f32> = (0..3 + 2 * (i as u8 % 2)).map(|k| f32::from(k) * 9.0).collect();
+            history.push(frame(i * PERIOD_NS, &rows));
+            history.claim(id(i as u64, 0));
+            history.count_clutter(Camera::Left);
+        }
+        // The ripple of a mean over 64 of something that is 1 off by turns is 1/64; the start is
+        // forgotten but for e^-6.
+        let clutter = history.clutter(Camera::Left);
+        assert!((clutter - 3.0).abs() < 0.03, "{clutter}");
+        for i in 400..1400 {
+            history.push(frame(i * PERIOD_NS, &[]));
+            history.count_clutter(Camera::Left);
+        }
+        assert_eq!(history.clutter(Camera::Left), CLUTTER_MIN);
+    }
+
+    #[test]
+    fn spots_of_some_rows_are_all_of_them_and_keep_their_index() {
+        let mut history = History::default();
+        history.push(frame(0, &[400.0, 10.0, 200.0, 10.0, 100.0]));
+        let newest = history.newest(Camera::Left).unwrap();
+        let within = |rows_px| -> Vec<(usize, f64)> {
+            newest.spots_in(rows_px).map(|(i, s)| (i, s.sighting.raw.y_px)).collect()
+        };
+        assert_eq!(within([10.0, 100.0]), [(0, 10.0), (1, 10.0), (2, 100.0)]);
+        assert_eq!(within([100.5, 1e9]), [(3, 200.0), (4, 400.0)]);
+        assert_eq!(within([201.0, 399.0]), []);
+        assert_eq!(within([300.0, 200.0]), []);
+    }
+}

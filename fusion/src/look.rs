@@ -104,3 +104,87 @@ pub fn at(
     let gain = (DETECTED / by_chance).ln().min(GAIN_MAX) - 0.5 * distance * distance;
     Some(Look::Seen { sighting, gain })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::World;
+    use crate::path::{self, Path};
+    use crate::pretend::{self, Frames, GOOD_SIGHT, POOR_SIGHT, Serve, THESIS_SERVE};
+    use crate::{Fusion, Settings};
+    use shm_layout::Camera;
+
+    const SERVE: Serve = Serve { launch_ns: 100_000_000, ..THESIS_SERVE };
+
+    fn fed(frames: &Frames) -> Fusion {
+        pretend::fed(pretend::reference_rig(), Settings::default(), frames).0
+    }
+
+    /// The path of a stream's first tracklet, with some of its tokens, through the frames of
+    /// another stream.
+    fn path_through(shown: &Fusion, fusion: &Fusion, is_token: impl Fn(u64) -> bool) -> Path {
+        let mut tracklet = shown.tracklets.all[0].clone();
+        tracklet.tokens.retain(|token| is_token(token.id.serial));
+        with_terms(fusion, |terms| path::along(&tracklet, &fusion.history, terms).unwrap())
+    }
+
+    fn with_terms<T>(fusion: &Fusion, run: impl Fn(&Terms) -> T) -> T {
+        let world = World { rig: &fusion.rig, physics: &fusion.physics, clock_s: [0.0, 1e-4] };
+        let Settings { ground_sigma_m, bias_sigma_px, .. } = fusion.settings;
+        run(&Terms { world, ground_sigma_m, bias_sigma_px })
+    }
+
+    #[test]
+    fn a_ball_is_worth_far_more_than_a_handful_of_spots_that_lie_on_a_flight() {
+        for (sight, least) in [(GOOD_SIGHT, 600.0), (POOR_SIGHT, 200.0)] {
+            // 70 frames of two cameras should show it: a sighting is worth 4 to 8 and a miss -0.9.
+            let (frames, _) = pretend::seen(&[SERVE], 120, &sight, 1);
+            let fusion = fed(&frames);
+            let worth = path_through(&fusion, &fusion, |_| true).worth;
+            assert!(worth > least, "{worth}");
+        }
+        // Every twelfth frame's spots alone: 6 of 70 frames, 12 · 8 less 128 · 0.9.
+        let (mut frames, _) = pretend::seen(&[SERVE], 120, &GOOD_SIGHT, 1);
+        let whole = fed(&frames);
+        let is_left = |serial: u64| serial.is_multiple_of(12);
+        for (_, frame) in frames.iter_mut().filter(|(_, frame)| !is_left(frame.frame_idx)) {
+            frame.spots.clear();
+        }
+        let path = path_through(&whole, &fed(&frames), is_left);
+        assert!(path.sightings.len() >= 8, "{}", path.sightings.len());
+        assert!(path.worth < 30.0, "{}", path.worth);
+    }
+
+    #[test]
+    fn a_frame_shows_the_ball_or_misses_it_or_need_not_show_it() {
+        let (mut frames, _) = pretend::seen(&[SERVE], 120, &GOOD_SIGHT, 1);
+        let whole = fed(&frames);
+        let path = path_through(&whole, &whole, |_| true);
+        let fitted = path.fitted.unwrap();
+        let always = f64::NEG_INFINITY..f64::INFINITY;
+        let looks = |fusion: &Fusion, span_s: &std::ops::Range<f64>| -> Vec<Option<Look>> {
+            with_terms(fusion, |terms| {
+                let all = fusion.history.since(Camera::Left, 0);
+                let look = |kept| at(kept, &fitted, span_s.clone(), &fusion.history, terms);
+                all.map(look).collect()
+            })
+        };
+        let is_seen = |look: &Option<Look>| matches!(look, Some(Look::Seen { .. }));
+        let whole_looks = looks(&whole, &always);
+        let n_spots = frames.iter().filter(|(c, f)| *c == Camera::Left && !f.spots.is_empty());
+        let n_seen = whole_looks.iter().filter(|look| is_seen(look)).count();
+        // The noise's tails, and frames next to the bounce.
+        assert!(n_seen + 3 >= n_spots.count(), "{n_seen}");
+        for (_, frame) in &mut frames {
+            for spot in &mut frame.spots {
+                spot.x_px += 9.0;
+            }
+        }
+        // 9 px are far out of the gate: 4 sigmas of 0.3 px and of less than that of the fit.
+        for (whole, moved) in whole_looks.iter().zip(looks(&fed(&frames), &always)) {
+            assert!(!is_seen(&moved), "{moved:?}");
+            assert!(!is_seen(whole) || moved == Some(Look::Missed));
+        }
+        assert!(looks(&whole, &(5.0..6.0)).iter().all(Option::is_none), "not in the span");
+    }
+}

@@ -351,3 +351,6 @@ pub fn state_between(from: &Point3<f64>, to: &Point3<f64>, dt_s: f64, physics: &
     let acceleration = physics.acceleration_m_s2(&mean);
     State { position_m: *from, velocity_m_s: mean - acceleration * (0.5 * dt_s) }
 }
+
+#[cfg(test)]
+mod tests;

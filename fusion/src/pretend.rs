@@ -6,9 +6,10 @@ use crate::candidates::FrameCandidates;
 use crate::history::SpotId;
 use crate::points::Point;
 use crate::rectified::Sighting;
-use crate::shot::Bounce;
+use crate::shot::{Bounce, Shot};
 use crate::world::camera::RawPixel;
 use crate::world::rig::{Mounting, Rig};
+use crate::{Fusion, Settings};
 use nalgebra::{Matrix2, Matrix3, Point3, Vector3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -229,15 +230,47 @@ pub struct Sight {
 /// 0.3 px, 30 % missed, 2 false candidates per frame.
 pub const POOR_SIGHT: Sight = Sight { sigma_px: 0.3, missed: 0.3, n_false: 2, right_offset_ns: 0 };
 
+/// 0.1 px, nothing missed, nothing false.
+pub const GOOD_SIGHT: Sight = Sight { sigma_px: 0.1, missed: 0.0, n_false: 0, right_offset_ns: 0 };
+
+/// What both cameras report, in the order it arrives.
+pub type Frames = Vec<(Camera, FrameCandidates)>;
+
 /// What both cameras report of some serves over `n_frames`, in the order it arrives, and the truth.
-pub fn seen(
+pub fn seen(serves: &[Serve], n_frames: usize, sight: &Sight, seed: u64) -> (Frames, Vec<Truth>) {
+    seen_by(&reference_rig(), serves, n_frames, sight, seed)
+}
+
+/// A chain that was fed some frames and may be fed more, and the shots it told.
+pub fn fed(rig: Rig, settings: Settings, frames: &Frames) -> (Fusion, Vec<Shot>) {
+    let mut fusion = Fusion::new(rig, settings);
+    let shots = frames.iter().flat_map(|(camera, frame)| fusion.update(*camera, frame)).collect();
+    (fusion, shots)
+}
+
+/// The same to the end.
+pub fn told(rig: Rig, settings: Settings, frames: &Frames) -> (Fusion, Vec<Shot>) {
+    let (mut fusion, mut shots) = fed(rig, settings, frames);
+    shots.extend(fusion.finish());
+    (fusion, shots)
+}
+
+/// Sets the right camera's clock ahead; what it sees stays.
+pub fn set_right_clock(frames: &mut Frames, ahead_ns: StampNs) {
+    for (_, frame) in frames.iter_mut().filter(|(camera, _)| *camera == Camera::Right) {
+        frame.exposed_ns += ahead_ns;
+    }
+}
+
+/// The same as [`seen`], by another rig.
+pub fn seen_by(
+    rig: &Rig,
     serves: &[Serve],
     n_frames: usize,
     sight: &Sight,
     seed: u64,
-) -> (Vec<(Camera, FrameCandidates)>, Vec<Truth>) {
+) -> (Frames, Vec<Truth>) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let rig = reference_rig();
     let mut frames = Vec::new();
     for camera in Camera::BOTH {
         let offset_ns = if camera == Camera::Right { sight.right_offset_ns } else { 0 };
@@ -248,7 +281,7 @@ pub fn seen(
                 (0..sight.n_false).map(|_| false_spot(&mut rng)).collect();
             for position in flights.iter().filter_map(|flight| flight.positions_m[i]) {
                 let is_seen = rng.random_bool(1.0 - sight.missed);
-                let spot = ball_spot(&rig, camera, position, sight.sigma_px, &mut rng);
+                let spot = ball_spot(rig, camera, position, sight.sigma_px, &mut rng);
                 spots.extend(spot.filter(|_| is_seen));
             }
             frames.push((camera, frame(i as u64, t_ns, spots)));

@@ -318,3 +318,42 @@ fn track_from(flight: &Flight) -> Vec<TrackPoint> {
 
 /// Sightings of both cameras nearer in time than this are one instant: the ball moves 5 mm.
 const SAME_INSTANT_NS: u64 = 200_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::launch::Launch;
+
+    #[test]
+    fn what_is_no_launch_says_why_and_a_doubt_about_the_court_is_no_reason() {
+        let good = Launch {
+            t_ns: 0,
+            position_m: Point3::new(0.0, 0.0, 1.0),
+            height_sigma_m: 0.02,
+            velocity_m_s: Vector3::new(0.0, 27.0, 3.0),
+            speed_sigma_m_s: 0.1,
+            direction: None,
+            spin: None,
+        };
+        let at = |z_m| Launch { position_m: Point3::new(0.0, 0.0, z_m), ..good.clone() };
+        let with = |x, y, z| Launch { velocity_m_s: Vector3::new(x, y, z), ..good.clone() };
+        let check = |n, launch: &Launch, highest_m, expected: [Option<Rejection>; 2]| {
+            for (is_court_known, expected) in [true, false].into_iter().zip(expected) {
+                let lowest_m = -0.16;
+                let judged = Judged { n, launch, highest_m, lowest_m, is_court_known };
+                assert_eq!(judged.rejection(), expected, "{launch:?} {is_court_known}");
+            }
+        };
+        let always = |why| [Some(why); 2];
+        let on_court = |why| [Some(why), None];
+        check(MIN_SHOT_SIGHTINGS, &good, 2.0, [None; 2]);
+        check(MIN_SHOT_SIGHTINGS - 1, &good, 2.0, always(Rejection::TooShort));
+        check(60, &with(0.0, 7.9, 0.5), 2.0, always(Rejection::TooSlow));
+        check(60, &with(f64::NAN, 27.0, 0.5), 2.0, always(Rejection::TooSlow));
+        check(60, &with(0.0, -27.0, 3.0), 2.0, on_court(Rejection::AwayFromNet));
+        check(60, &with(25.0, 14.0, 0.0), 2.0, on_court(Rejection::AwayFromNet));
+        check(60, &good, 0.2, on_court(Rejection::OnGround));
+        check(60, &at(-0.2), 2.0, on_court(Rejection::NotFromLauncher));
+        check(60, &at(-0.1), 2.0, [None; 2]);
+    }
+}

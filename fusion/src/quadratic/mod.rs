@@ -157,8 +157,11 @@ fn squared_distance_px2(a: RawPixel, b: RawPixel) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pretend;
+    use crate::pretend::{self, Serve};
+    use crate::{Fit, Settings};
     use nalgebra::Point3;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
 
     #[test]
     fn a_noise_free_flight_gives_back_its_launch_net_and_bounce() {
@@ -224,6 +227,27 @@ mod tests {
             let verdict = from_points(points, &rig);
             let Verdict::Shot(shot) = verdict else { panic!("{verdict:?}") };
             assert_eq!((shot.outcome, &shot.bounce), (expected, &None));
+        }
+    }
+
+    #[test]
+    fn the_whole_chain_measures_with_it_to_centimetres() {
+        let settings = Settings { fit: Fit::Quadratic, ..Settings::default() };
+        for seed in 0..6 {
+            let random = Serve::random(&mut ChaCha8Rng::seed_from_u64(seed), 100_000_000);
+            let serve = Serve { lift_coefficient: 0.0, ..random };
+            let (frames, truths) = pretend::seen(&[serve], 150, &pretend::GOOD_SIGHT, seed);
+            let (fusion, shots) = pretend::told(pretend::reference_rig(), settings, &frames);
+            assert_eq!(shots.len(), 1, "seed {seed}: {:?}", fusion.rejected());
+            assert_eq!(shots[0].outcome, Outcome::Measured, "seed {seed}");
+            let bounce = shots[0].bounce.as_ref().unwrap();
+            let off_m = bounce.position_m - truths[0].bounce.position_m;
+            let speed_m_s = shots[0].launch.as_ref().unwrap().velocity_m_s.norm();
+            println!("seed {seed}: {off_m} m, {} m/s", speed_m_s - serve.speed_m_s);
+            // 0.1 px are 1.4 cm of depth a point, and half of that in a fit of ten; 4 sigmas.
+            assert!(off_m.norm() < 0.03, "seed {seed}: {off_m}");
+            // Drag may be 6 % other than it is taken for, of the 3 m/s it takes on the way back.
+            assert!((speed_m_s - serve.speed_m_s).abs() < 0.5, "seed {seed}: {speed_m_s}");
         }
     }
 }
