@@ -290,7 +290,7 @@ mod tests {
 
     #[test]
     fn sizes_and_covariances_that_cannot_be_are_no_reason_to_miss_a_shot() {
-        for value in [f32::NAN, f32::INFINITY, -1.0, 1e4] {
+        for value in [f32::NAN, f32::INFINITY, -1.0, 1e4, 1e12, f32::MAX] {
             spoilt(|i, frame| {
                 for spot in frame.spots.iter_mut().filter(|_| i % 3 == 0) {
                     [spot.width_px, spot.area_px] = [value; 2];

@@ -101,7 +101,11 @@ pub fn at(
     let area_px2 = TAU * (doubt + sighting.total_px2(noise)).determinant().sqrt();
     let [width_px, height_px] = eye.lens.image_px().map(f64::from);
     let by_chance = history.clutter(kept.camera) / (width_px * height_px) * area_px2;
+    // A spot that may be anywhere says no more than none.
     let gain = (DETECTED / by_chance).ln().min(GAIN_MAX) - 0.5 * distance * distance;
+    if gain < (1.0 - DETECTED).ln() {
+        return Some(Look::Missed);
+    }
     Some(Look::Seen { sighting, gain })
 }
 

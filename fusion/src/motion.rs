@@ -168,7 +168,7 @@ impl Motion {
         motion
     }
 
-    /// 1 sigma of the position, its largest axis at most.
+    /// 1 sigma of the position, all three axes together.
     #[must_use]
     pub fn position_sigma_m(&self) -> f64 {
         self.covariance.fixed_view::<3, 3>(0, 0).trace().max(0.0).sqrt()
@@ -245,8 +245,8 @@ impl Motion {
         self.covariance = (left + left.transpose()) * 0.5;
     }
 
-    /// The motion at another time. On its way to the ground it stops there: see
-    /// [`Motion::bounced`]. None if it would be a number no longer.
+    /// The motion at another time, through the ground if need be: see [`Motion::bounced`]. None if
+    /// it would be a number no longer.
     #[must_use]
     pub fn advanced(&self, t_ns: StampNs, world: &World) -> Option<Self> {
         let dt_s = seconds_between(self.t_ns, t_ns);

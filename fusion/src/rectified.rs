@@ -30,6 +30,10 @@ const CUT_MARGIN_PX: f64 = 1.5;
 /// 1 sigma of the centre of a ball that is cut, of its size.
 const CUT_SIGMA: f64 = 0.25;
 
+/// A centre less sure than this is none, and no spot is larger than this.
+const SIGMA_MAX_PX: f64 = 10.0;
+const SIZE_MAX_PX: f64 = 400.0;
+
 /// A detector that is surer of a centre than this does not know its own errors.
 const SIGMA_MIN_PX: f64 = 0.03;
 
@@ -126,7 +130,7 @@ fn covariance_of(spot: &Candidate, settings: &Settings) -> Matrix2<f64> {
     let [xx, xy, yy] = [spot.xx_px2, spot.xy_px2, spot.yy_px2].map(f64::from);
     let least = Matrix2::identity() * SIGMA_MIN_PX.powi(2);
     let told = Matrix2::new(xx, xy, xy, yy);
-    if xx > 0.0 && yy > 0.0 && told.determinant() > 0.0 && told.trace().is_finite() {
+    if xx > 0.0 && yy > 0.0 && told.determinant() > 0.0 && told.trace() <= SIGMA_MAX_PX.powi(2) {
         return told + least;
     }
     let size = size_of(spot);
@@ -160,7 +164,11 @@ fn cut_px2(spot: &Candidate, lens: &Lens) -> f64 {
 /// A size counts if all of it is known and none of it is nothing.
 fn size_of(spot: &Candidate) -> Option<[f64; 3]> {
     let size = [spot.width_px, spot.height_px, spot.area_px].map(f64::from);
-    size.iter().all(|&length| length.is_finite() && length > 0.0).then_some(size)
+    let [width, height, area] = size;
+    let is_length = |length: f64| length > 0.0 && length <= SIZE_MAX_PX;
+    let is_size =
+        is_length(width) && is_length(height) && area > 0.0 && area <= SIZE_MAX_PX.powi(2);
+    is_size.then_some(size)
 }
 
 #[cfg(test)]

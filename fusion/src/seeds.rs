@@ -48,6 +48,9 @@ pub const DETECTED: f64 = 0.6;
 /// What a seed must be worth. With 5000 hypotheses a second chance passes once in an hour.
 const WORTH_MIN: f64 = 16.0;
 
+/// What each camera must say for it by itself.
+const WORTH_EACH_MIN: f64 = 4.0;
+
 /// Fewest hits besides the two points themselves.
 const N_HITS_MIN: usize = 4;
 
@@ -150,6 +153,7 @@ pub(crate) struct Curve {
 /// What the frames of the last [`WINDOW_S`] say of a curve, the spots it was made of left out.
 pub(crate) struct Support {
     pub worth: f64,
+    pub worth_each: [f64; 2],
     pub n_hits: [usize; 2],
     pub hits: Vec<SpotId>,
 }
@@ -192,6 +196,7 @@ impl Curve {
     fn seed(self, history: &History, world: &World) -> Option<Seed> {
         let support = self.support(&Camera::BOTH, history, world);
         let is_seed = support.worth >= WORTH_MIN
+            && support.worth_each.iter().all(|&worth| worth >= WORTH_EACH_MIN)
             && support.n_hits.iter().all(|&n| n >= N_EACH_MIN)
             && support.n_hits.iter().sum::<usize>() >= N_HITS_MIN;
         is_seed.then(|| self.seed_with(support, None))
@@ -207,7 +212,8 @@ impl Curve {
 
     /// What some cameras' frames say of it.
     pub fn support(&self, cameras: &[Camera], history: &History, world: &World) -> Support {
-        let mut support = Support { worth: 0.0, n_hits: [0; 2], hits: Vec::new() };
+        let mut support =
+            Support { worth: 0.0, worth_each: [0.0; 2], n_hits: [0; 2], hits: Vec::new() };
         let from_ns = later_ns(self.t_ns, self.apart_s - WINDOW_S);
         for &camera in cameras {
             for kept in history.since(camera, from_ns) {
@@ -215,17 +221,19 @@ impl Curve {
                 if self.own.iter().any(is_own) {
                     continue;
                 }
+                let worth = &mut support.worth_each[camera.idx()];
                 match self.hit(kept, world) {
                     Sight::Out => {}
-                    Sight::Missed => support.worth += (1.0 - DETECTED).ln(),
+                    Sight::Missed => *worth += (1.0 - DETECTED).ln(),
                     Sight::Hit { idx, gate_px } => {
-                        support.worth += hit_worth(gate_px, camera, history, world);
+                        *worth += hit_worth(gate_px, camera, history, world);
                         support.n_hits[camera.idx()] += 1;
                         support.hits.push(kept.id(idx));
                     }
                 }
             }
         }
+        support.worth = support.worth_each.iter().sum();
         support
     }
 
