@@ -107,7 +107,7 @@ fn pairs_and_points_beyond_the_maximum_are_dropped_and_counted() {
         // 1 m apart in 50 ms: 20 m/s from each of the one to each of the next.
         let at = |k: usize| Point {
             t_ns,
-            position_m: point.position_m + nalgebra::Vector3::new(0.01 * k as f64, i as f64, 0.0),
+            position_m: point.position_m + Vector3::new(0.01 * k as f64, i as f64, 0.0),
             ..point
         };
         PointFrame { t_ns, points: (0..n).map(at).collect() }

@@ -244,37 +244,6 @@ pub fn from_played(stream: &Stream, played: &Played, cell: &Cell) -> StreamScore
                 errors.bound_m2 =
                     bounce_bound_m2(stream, flight, bounce, until_s, level, &settings);
                 is_taken[idx] = true;
-                if std::env::var("DBG").is_ok() {
-                    let shot = &played.told[idx].shot;
-                    let l = shot.launch.as_ref().unwrap();
-                    eprintln!(
-                        "SHOT seed {} launch pos {:?} t {:+.5} el {:+.4}",
-                        stream.scenario.seed,
-                        l.position_m - flight.launch.position_in_court_m,
-                        l.t_ns as f64 * 1e-9 - flight.launch.launched_at_s,
-                        (l.direction.unwrap().elevation_rad - flight.launch.elevation_rad)
-                            .to_degrees()
-                    );
-                    let mut last = 0.0;
-                    for p in &shot.track {
-                        if p.position_m.y > last + 0.7 {
-                            last = p.position_m.y;
-                            if let Some(q) = flight.position_in_court_m(p.t_ns as f64 * 1e-9) {
-                                let d = (p.position_m - q) * 1e3;
-                                eprintln!(
-                                    "  TR {:.1} {:+.2} {:+.2} {:+.2} sig {:.2} {:.2} {:.2}",
-                                    q.y,
-                                    d.x,
-                                    d.y,
-                                    d.z,
-                                    p.sigma_m.x * 1e3,
-                                    p.sigma_m.y * 1e3,
-                                    p.sigma_m.z * 1e3
-                                );
-                            }
-                        }
-                    }
-                }
                 score.said = Some(Outcome::Measured);
                 score.delay_s = told[idx].1.map(|at_s| at_s - bounce.bounced_at_s);
                 score.errors = Some(errors);
