@@ -5,7 +5,7 @@ use tests::accuracy::{self, cells, row::Row};
 
 fn row(cell: &'static str, n_shots: usize) -> Row {
     let cell = cells::from_name(cell).unwrap();
-    let scores = accuracy::scores(&[cell.clone()], Some(n_shots), 1, |_| ());
+    let scores = accuracy::scores(std::slice::from_ref(&cell), Some(n_shots), 1, |_| ());
     let row = Row::from_scores(cell.name, &scores[0]);
     println!(
         "{}: {} of {}, {} invented, RMSE {:.1} mm, {:.2} of the bound, {:.0} % in the ellipse",
