@@ -8,12 +8,12 @@
 use crate::clock::Clock;
 use crate::flight::Flight;
 use crate::history::History;
-use crate::motion::World;
-use crate::path::{self, Terms};
+use crate::motion::{World, later_ns};
+use crate::path::{self, Path, Terms};
 use crate::quadratic;
 use crate::rectified::Sighting;
 use crate::shot::{self, Rejection, Shot, Verdict};
-use crate::tracklets::{Tracklet, Tracklets};
+use crate::tracklets::{SILENCE_S, Tracklet, Tracklets};
 use crate::world::ball::State;
 use crate::world::rectification::Rectification;
 use crate::{Fit, Rejected};
@@ -67,8 +67,15 @@ impl Decider {
             if tracklet.is_told || !(is_over || tracklet.has_bounced()) {
                 continue;
             }
+            let verdict = match self.judged(tracklet, now_ns, history, terms, setup) {
+                Judgement::Now(verdict) => verdict,
+                Judgement::After(due_ns) => {
+                    tracklet.postpone(due_ns);
+                    continue;
+                }
+            };
             tracklet.is_told = true;
-            match self.judged(tracklet, history, terms, setup) {
+            match verdict {
                 Verdict::Shot(shot) => {
                     if let Some(offset) = shot.clock {
                         let at_ns = tracklet.motion.t_ns;
@@ -87,24 +94,32 @@ impl Decider {
     fn judged(
         &mut self,
         tracklet: &Tracklet,
+        now_ns: Option<StampNs>,
         history: &History,
         terms: &Terms,
         (rectification, fit): (&Rectification, Fit),
-    ) -> Verdict {
+    ) -> Judgement {
+        let rejected = |rejection| Judgement::Now(Verdict::Rejected(rejection));
         if self.shares_too_much(tracklet.sightings(history)) {
-            return Verdict::Rejected(Rejection::SameBall);
+            return rejected(Rejection::SameBall);
         }
         if is_from_elsewhere(tracklet, &terms.world) {
-            return Verdict::Rejected(Rejection::NotFromLauncher);
+            return rejected(Rejection::NotFromLauncher);
         }
         let Some(path) = path::along(tracklet, history, terms) else {
-            return Verdict::Rejected(Rejection::TooShort);
+            return rejected(Rejection::TooShort);
         };
         if self.shares_too_much(path.sightings.iter()) {
-            return Verdict::Rejected(Rejection::SameBall);
+            return rejected(Rejection::SameBall);
         }
         if path.worth.is_nan() || path.worth < WORTH_MIN {
-            return Verdict::Rejected(Rejection::Unlikely);
+            return rejected(Rejection::Unlikely);
+        }
+        let due_ns = down_ns(&path).filter(|_| !path.has_bounce && !tracklet.has_bounced());
+        if let (Some(due_ns), Some(now_ns)) = (due_ns, now_ns)
+            && due_ns > now_ns
+        {
+            return Judgement::After(due_ns);
         }
         let verdict = match (fit, Flight::from_path(&path)) {
             (Fit::Physics, Some(flight)) => shot::from_flight(&flight, terms.world.rig),
@@ -116,7 +131,7 @@ impl Decider {
         if matches!(verdict, Verdict::Shot(_)) {
             self.told = path.sightings;
         }
-        verdict
+        Judgement::Now(verdict)
     }
 
     /// Whether these are the sightings of a shot that was told.
@@ -128,6 +143,19 @@ impl Decider {
         }
         n_shared > SHARED_MAX * n
     }
+}
+
+/// What is said of a tracklet that might be decided.
+enum Judgement {
+    Now(Verdict),
+    /// Its ball is still in the air, maybe out of sight; when it will have come down.
+    After(StampNs),
+}
+
+/// When a path's ball will have come down and been seen after it.
+fn down_ns(path: &Path) -> Option<StampNs> {
+    let fitted = path.fitted.as_ref()?;
+    Some(later_ns(fitted.reference_ns, fitted.model.touch()?.t_s + SILENCE_S))
 }
 
 /// Whether a ball can not have come from the launcher, roughly: it is not fitted yet.

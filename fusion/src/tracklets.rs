@@ -190,6 +190,11 @@ impl Tracklet {
         self.has_ended(now_ns) && now_ns >= self.due_ns
     }
 
+    /// Not to be judged before a time: its flight, once fitted, comes down later than it seemed.
+    pub fn postpone(&mut self, due_ns: StampNs) {
+        self.due_ns = due_ns;
+    }
+
     /// Looks for its ball in a camera's newest frame.
     fn update(&mut self, camera: Camera, history: &mut History, world: &World) {
         let is_alone = history.is_alone(camera);
