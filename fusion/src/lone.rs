@@ -10,8 +10,8 @@
 //! ```
 //!
 //! It is solved with gravity first and again with the mean drag of the flight that came out. What
-//! then has been in the air for [`FLOWN_S`], at a serve's speed, down the court and above its
-//! ground, is a [`Curve`] like that of two points, and must find more on its way than one of two
+//! then has been in the air for `FLOWN_S`, at a serve's speed, down the court and above its
+//! ground, is a `Curve` like that of two points, and must find more on its way than one of two
 //! cameras. The work is [`Tracklets`](crate::tracklets::Tracklets)' and the fit's from there on.
 //!
 //! **What it is worth**, at 0.2 px with a fifth of the frames missed: every serve is told. Where
@@ -22,8 +22,8 @@
 //! **Limits**: only with a court and a launcher. Spin turns the depth by a tenth and more; the fit
 //! says so in its sigmas. What moves as a served ball would, seen by this camera, is one.
 //!
-//! **Cost** per frame: pairs of free spots [`APART_S`] apart, at most [`MAX_TRIED`] cross products
-//! and [`MAX_PAIRS`] curves: 0.5 ms with twenty false spots, 1.6 ms at the most.
+//! **Cost** per frame: pairs of free spots `APART_S` apart, at most `MAX_TRIED` cross products
+//! and `MAX_PAIRS` curves: 0.5 ms with twenty false spots, 1.6 ms at the most.
 
 use crate::Dropped;
 use crate::history::{History, Kept, SpotId};

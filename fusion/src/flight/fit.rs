@@ -10,7 +10,7 @@
 //!
 //! **What no residual shows**: light pulls the centres of a ball in all frames and both cameras
 //! alike, and differently far away than near. Such biases are considered, not estimated (Schmidt):
-//! the answer's response to each of [`BIASES`] at 1 sigma is added to the covariance.
+//! the answer's response to each of `BIASES` at 1 sigma is added to the covariance.
 
 use crate::flight::fitted::{Fitted, Scene, slope_and_off, time_s};
 use crate::flight::model::{Model, Span};
