@@ -243,12 +243,7 @@ mod tests {
         seed: u64,
     ) -> (Vec<Shot>, Fusion) {
         let (frames, _) = pretend::seen(serves, n_frames, sight, seed);
-        let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
-        let mut shots = Vec::new();
-        for (camera, frame) in &frames {
-            shots.extend(fusion.update(*camera, frame));
-        }
-        shots.extend(fusion.finish());
+        let (fusion, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
         (shots, fusion)
     }
 

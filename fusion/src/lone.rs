@@ -205,12 +205,7 @@ mod tests {
     ) -> (Vec<Shot>, Fusion) {
         let (mut frames, _) = pretend::seen(serves, n_frames, sight, seed);
         frames.retain(|(camera, frame)| is_kept(*camera, frame));
-        let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
-        let mut shots = Vec::new();
-        for (camera, frame) in &frames {
-            shots.extend(fusion.update(*camera, frame));
-        }
-        shots.extend(fusion.finish());
+        let (fusion, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
         (shots, fusion)
     }
 

@@ -90,7 +90,7 @@ pub fn at(
             hidden_px2: spot.sighting.hidden_px2 + streak_px2,
             ..spot.sighting
         })
-        .filter_map(|sighting| Some((fitted.distance(&sighting, rig, true)?, sighting)))
+        .filter_map(|sighting| Some((fitted.distance(&sighting, rig)?, sighting)))
         .filter(|(distance, _)| *distance <= GATE_SIGMAS)
         .min_by(|a, b| a.0.total_cmp(&b.0));
     let Some((distance, sighting)) = nearest else {

@@ -112,6 +112,13 @@ impl Expected {
         self.covariance_px2 + sighting.total_px2(1.0) + Matrix2::identity() * SIGMA_MIN_PX.powi(2)
     }
 
+    /// Squared Mahalanobis distance of what was seen from what is expected.
+    #[must_use]
+    pub fn square(&self, sighting: &Sighting) -> Option<f64> {
+        let off = self.off_px(sighting);
+        Some(off.dot(&(self.innovation_px2(sighting).try_inverse()? * off)))
+    }
+
     /// Seen less expected.
     #[must_use]
     pub fn off_px(&self, sighting: &Sighting) -> Vector2<f64> {
@@ -166,12 +173,6 @@ impl Motion {
         motion.covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&place_m2);
         motion.covariance = f * motion.covariance * f.transpose();
         motion
-    }
-
-    /// 1 sigma of the position, all three axes together.
-    #[must_use]
-    pub fn position_sigma_m(&self) -> f64 {
-        self.covariance.fixed_view::<3, 3>(0, 0).trace().max(0.0).sqrt()
     }
 
     /// The left clock's time at which a camera sees the ball in a frame stamped `t_ns`.

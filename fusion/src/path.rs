@@ -159,12 +159,7 @@ impl<'a> Growth<'a> {
             ground_m: 0.0,
             out_m_s: Vector3::zeros(),
         };
-        let known = Known {
-            clock_s: terms.world.clock_s,
-            ground_sigma_m: terms.ground_sigma_m,
-            out_and_in_m_s: [Vector3::zeros(); 2],
-        };
-        let prior = Prior::new(&start, &known);
+        let prior = Prior::new(&start, &known(terms, [Vector3::zeros(); 2]));
         // Of one camera's sightings nothing else tells how far away they are.
         let is_lone = sightings.iter().all(|s| s.camera == first.camera);
         let launcher_m = terms.world.rig.launcher_in_court_m().filter(|_| is_lone);
@@ -196,16 +191,14 @@ impl<'a> Growth<'a> {
     }
 
     /// To the last digit, with the noise as it is.
-    fn finish(&mut self) -> bool {
+    fn finish(&mut self) {
         let scene = scene(self.terms, self.launcher_m, self.has_bounce);
         let start = (&self.fitted.unknowns, self.fitted.noise);
         let (sightings, prior) = (&self.sightings, &self.prior);
         let fitted = fit::from_sightings(sightings, self.reference_ns, start, prior, &scene);
         if let Some(fitted) = fitted {
             self.fitted = fitted;
-            return true;
         }
-        false
     }
 
     /// Outwards, over gaps too, until there is nothing more.
@@ -253,11 +246,7 @@ impl<'a> Growth<'a> {
         let (out_m_s, ..) = rebound::after(&touch.velocity_m_s, &spin, radius_m, &HARD_COURT);
         let mut start = self.fitted.unknowns;
         start.out_m_s = out_m_s;
-        let known = Known {
-            clock_s: self.terms.world.clock_s,
-            ground_sigma_m: self.terms.ground_sigma_m,
-            out_and_in_m_s: [out_m_s, touch.velocity_m_s],
-        };
+        let known = known(self.terms, [out_m_s, touch.velocity_m_s]);
         self.prior = Prior::new(&self.prior.mean, &known);
         let is_soon = |s: &Sighting| {
             let since_s = seconds_between(self.reference_ns, s.t_ns) - touch.t_s;
@@ -353,6 +342,11 @@ struct Gathered {
 
 /// Rounding of times when frames are looked up.
 const MARGIN_S: f64 = 0.05;
+
+fn known(terms: &Terms, out_and_in_m_s: [Vector3<f64>; 2]) -> Known {
+    let Terms { world, ground_sigma_m, .. } = *terms;
+    Known { clock_s: world.clock_s, ground_sigma_m, out_and_in_m_s }
+}
 
 fn scene<'a>(terms: &Terms<'a>, launcher_m: Option<Point3<f64>>, has_bounce: bool) -> Scene<'a> {
     let World { rig, physics, .. } = terms.world;

@@ -129,9 +129,7 @@ impl Tracklet {
         let Some((there, expected)) = self.motion.expected_at(sighting, world) else {
             return false;
         };
-        let off = expected.off_px(sighting);
-        let inverse = expected.innovation_px2(sighting).try_inverse();
-        let is_near = inverse.is_some_and(|inv| off.dot(&(inv * off)) <= GATE_SIGMAS.powi(2));
+        let is_near = expected.square(sighting).is_some_and(|s| s <= GATE_SIGMAS * GATE_SIGMAS);
         if is_near {
             self.motion = there;
             self.motion.update(&expected, sighting);
@@ -149,12 +147,6 @@ impl Tracklet {
     /// What its tokens are.
     pub fn sightings<'a>(&self, history: &'a History) -> impl Iterator<Item = &'a Sighting> {
         self.tokens.iter().filter_map(|token| history.sighting(token.id))
-    }
-
-    /// Time of the last token, on its camera's clock.
-    #[must_use]
-    pub fn last_ns(&self) -> StampNs {
-        self.last_ns
     }
 
     /// When the ball will have come down and been seen after it, before its first bounce.
@@ -222,10 +214,7 @@ impl Tracklet {
             if newest.is_claimed(idx) {
                 continue;
             }
-            let innovation = expected.innovation_px2(&spot.sighting);
-            let off = expected.off_px(&spot.sighting);
-            let Some(inverse) = innovation.try_inverse() else { continue };
-            let square = off.dot(&(inverse * off));
+            let Some(square) = expected.square(&spot.sighting) else { continue };
             if square <= GATE_SIGMAS * GATE_SIGMAS && best.is_none_or(|(least, _)| square < least) {
                 best = Some((square, idx));
             }
@@ -367,7 +356,7 @@ mod tests {
         let shown: Frames = frames.iter().filter(|(_, f)| f.frame_idx < 80).cloned().collect();
         let fusion = followed(&shown);
         let [tracklet] = &fusion.tracklets.all[..] else { panic!("one ball") };
-        let last_ns = tracklet.last_ns();
+        let last_ns = tracklet.last_ns;
         assert_eq!(last_ns, 60 * pretend::PERIOD_NS);
         assert!(!tracklet.has_ended(later_ns(last_ns, SILENCE_S - 1e-3)));
         let ended_ns = later_ns(last_ns, SILENCE_S + 1e-3);

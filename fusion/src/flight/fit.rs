@@ -67,7 +67,6 @@ pub fn from_sightings(
         fit.noise = fit.noise_of(&unknowns)?;
         fit.spread = fit.system(&unknowns)?.spread;
         unknowns = fit.minimised(unknowns, STEP_MIN)?;
-        fit.spread = fit.system(&unknowns)?.spread;
     }
     fit.fitted(unknowns)
 }
@@ -81,9 +80,8 @@ pub fn roughly(
     prior: &Prior,
     scene: &Scene,
 ) -> Option<Fitted> {
-    let mut fit = Fit { sightings, reference_ns, prior, scene, noise, spread: 1.0 };
+    let fit = Fit { sightings, reference_ns, prior, scene, noise, spread: 1.0 };
     let unknowns = fit.minimised(*start, ROUGH_STEP_MIN)?;
-    fit.spread = fit.system(&unknowns)?.spread;
     fit.fitted(unknowns)
 }
 
@@ -138,9 +136,10 @@ struct System {
 }
 
 impl Fit<'_> {
-    /// With covariance, and followed as far as the scene wants.
-    fn fitted(&self, unknowns: Unknowns) -> Option<Fitted> {
+    /// With the spread and covariance there, and followed as far as the scene wants.
+    fn fitted(mut self, unknowns: Unknowns) -> Option<Fitted> {
         let system = self.system(&unknowns)?;
+        self.spread = system.spread;
         let pixels = system.pixels / self.spread;
         let covariance_of_fit = inverse(&(system.known + pixels))?;
         // What the unknowns took up is missing from the residuals that told the spread.
@@ -153,7 +152,7 @@ impl Fit<'_> {
             covariance += off * off.transpose();
         }
         let model = self.model(&unknowns, self.scene.reach_s);
-        let Fit { reference_ns, noise, .. } = *self;
+        let Fit { reference_ns, noise, .. } = self;
         Some(Fitted { reference_ns, unknowns, covariance, model, noise })
     }
 

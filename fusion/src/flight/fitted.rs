@@ -68,15 +68,12 @@ impl Fitted {
         Some((by_point * ball.velocity_m_s).norm())
     }
 
-    /// Mahalanobis distance of a sighting, in sigmas of its own noise and of the fit together, or
-    /// of its own alone.
+    /// Mahalanobis distance of a sighting, in sigmas of its own noise and of the fit together.
     #[must_use]
-    pub fn distance(&self, sighting: &Sighting, rig: &Rig, has_doubt: bool) -> Option<f64> {
+    pub fn distance(&self, sighting: &Sighting, rig: &Rig) -> Option<f64> {
         let (slope, off) = self.seen(sighting, rig)?;
-        let mut covariance = sighting.total_px2(self.noise[sighting.camera.idx()]);
-        if has_doubt {
-            covariance += slope * self.covariance * slope.transpose();
-        }
+        let noise = self.noise[sighting.camera.idx()];
+        let covariance = sighting.total_px2(noise) + slope * self.covariance * slope.transpose();
         Some(off.dot(&(covariance.try_inverse()? * off)).sqrt())
     }
 }

@@ -18,9 +18,9 @@ use crate::rectified::Sighting;
 use crate::world::rig::Rig;
 use fitted::{Fitted, sigma_of};
 use model::Instant;
-use nalgebra::{Matrix2, Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector3};
 use shm_layout::StampNs;
-use unknowns::{CLOCK, N, SPIN, spin_axes};
+use unknowns::{CLOCK, SPIN, spin_axes};
 
 /// Scatter of lift from ball to ball, as a part of it (Cross & Lindsey 2014: 10-15 %): how well a
 /// spin is known from the lift it makes.
@@ -38,8 +38,9 @@ impl Flight {
     /// Of a path; None without a court.
     #[must_use]
     pub fn from_path(path: &Path) -> Option<Self> {
-        let Path { sightings, has_bounce, .. } = path.clone();
-        Some(Self { fitted: path.fitted.clone()?, sightings, has_bounce })
+        let Path { fitted, sightings, has_bounce, .. } = path;
+        let (fitted, sightings) = (fitted.clone()?, sightings.clone());
+        Some(Self { fitted, sightings, has_bounce: *has_bounce })
     }
 
     /// Whether it was seen after a bounce.
@@ -143,12 +144,6 @@ impl Flight {
         [self.fitted.unknowns.clock_s, variance.sqrt()]
     }
 
-    /// Middle of the sightings, left clock.
-    #[must_use]
-    pub fn reference_ns(&self) -> StampNs {
-        self.fitted.reference_ns
-    }
-
     /// RMS distance (both axes) of each camera's sightings from the flight; None for a camera that
     /// saw nothing.
     #[must_use]
@@ -169,12 +164,6 @@ impl Flight {
             [first, .., last] => seconds_between(first.t_ns, last.t_ns),
             _ => 0.0,
         }
-    }
-
-    /// 1 sigma of a number whose derivative by all unknowns is known.
-    #[must_use]
-    pub fn sigma(&self, row: &SMatrix<f64, 1, N>) -> f64 {
-        sigma_of(row, &self.fitted.covariance)
     }
 }
 
