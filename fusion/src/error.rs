@@ -26,6 +26,14 @@ pub enum Error {
         /// What would be accepted.
         expected: &'static str,
     },
+    /// A `rig.toml` that cannot be used, with its place.
+    #[error("{place}: {source}")]
+    RigFile {
+        /// The file, and the line if one is to blame.
+        place: String,
+        /// What is wrong.
+        source: Box<Self>,
+    },
     /// The bytes could not be read or written, or are not CSV.
     #[error("{label}: {source}")]
     Csv {

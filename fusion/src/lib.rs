@@ -16,6 +16,7 @@
 //! candidates come from is not this room's concern.
 #![forbid(unsafe_code)]
 
+pub mod calibration;
 pub mod candidates;
 pub mod candidates_csv;
 pub mod clock;
@@ -43,6 +44,7 @@ pub mod seeds;
 pub mod settings;
 pub mod shot;
 pub mod shots_json;
+mod solved;
 pub mod tracklets;
 pub mod world;
 

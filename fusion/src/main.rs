@@ -275,10 +275,7 @@ fn is_over(intakes: &[Intake; 2], recorded: &[Camera], silence: Duration) -> any
 
 fn rig_from_file(path: &Path) -> anyhow::Result<Rig> {
     let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-    text.parse::<Rig>().map_err(|e| {
-        let line = e.rig_line(&text).map_or(String::new(), |line| format!(", line {line}"));
-        anyhow::Error::new(e).context(format!("{}{line}", path.display()))
-    })
+    Ok(Rig::from_file_text(&path.display().to_string(), &text)?)
 }
 
 /// Where shots and candidates go.

@@ -15,10 +15,10 @@
 use crate::flight::fitted::{Fitted, Scene, slope_and_off, time_s};
 use crate::flight::model::{Model, Span};
 use crate::flight::noise::{self, AXES, N_NOISE_MIN, Scatter};
-use crate::flight::solved::{inverse, solved};
 use crate::flight::unknowns::{Column, Covariance, N, Prior, Unknowns};
 use crate::motion::seconds_between;
 use crate::rectified::Sighting;
+use crate::solved::{self, solved};
 use nalgebra::{Matrix2, SMatrix, Vector2};
 use shm_layout::StampNs;
 
@@ -187,7 +187,7 @@ impl Fit<'_> {
             for i in 0..N {
                 damped[(i, i)] *= 1.0 + damping;
             }
-            let step = -solved(&damped, &system.gradient)?;
+            let step = -Column::from_vec(solved(&damped, system.gradient.as_slice())?);
             let next = unknowns.plus(&step);
             match self.system(&next).filter(|next| next.cost <= system.cost) {
                 Some(next_system) => {
@@ -298,6 +298,12 @@ impl Fit<'_> {
         let noise = [0, 1].map(|i| noise::scaled(self.noise[i], &squares[i]));
         noise.iter().all(|scale| scale.is_finite()).then_some(noise)
     }
+}
+
+/// None if the matrix is not positive definite.
+fn inverse(matrix: &Covariance) -> Option<Covariance> {
+    let inverse = solved::inverse(N, matrix)?;
+    Some(Covariance::from_fn(|i, j| inverse[(i, j)]))
 }
 
 /// Adds `w sᵀ s` to the upper triangle.

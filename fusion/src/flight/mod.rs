@@ -9,7 +9,6 @@ pub mod fit;
 pub mod fitted;
 pub mod model;
 pub mod noise;
-pub mod solved;
 pub mod unknowns;
 
 use crate::motion::{later_ns, seconds_between};

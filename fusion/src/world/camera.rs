@@ -6,7 +6,7 @@
 //! way back is by iteration, checked by going forth again.
 
 use crate::Error;
-use nalgebra::{Matrix2, Matrix2x3, Point3, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Point3, SMatrix, Vector3};
 use shm_layout::MAX_SIDE_PX;
 
 /// A pixel as captured: distorted; (0,0) is the centre of the top-left pixel.
@@ -148,6 +148,44 @@ impl Lens {
         Some((raw, Matrix2::new(fx, 0.0, 0.0, fy) * distorted * ideal))
     }
 
+    /// Derivative of the pixel of a point by fx, fy, cx, cy, k1, k2, p1, p2 and k3; None behind the
+    /// camera.
+    #[must_use]
+    pub fn slope_by_optics(&self, point_in_camera: &Point3<f64>) -> Option<SMatrix<f64, 2, 9>> {
+        if point_in_camera.z <= 0.0 {
+            return None;
+        }
+        let [x, y] = [point_in_camera.x / point_in_camera.z, point_in_camera.y / point_in_camera.z];
+        let [fx, fy] = self.focal_px;
+        let [x_d, y_d] = self.distorted([x, y]);
+        let r2 = x * x + y * y;
+        let [r4, r6] = [r2 * r2, r2 * r2 * r2];
+        let (p1, p2) = ([2.0 * x * y, r2 + 2.0 * y * y], [r2 + 2.0 * x * x, 2.0 * x * y]);
+        Some(SMatrix::from_rows(&[
+            [x_d, 0.0, 1.0, 0.0, fx * x * r2, fx * x * r4, fx * p1[0], fx * p2[0], fx * x * r6]
+                .into(),
+            [0.0, y_d, 0.0, 1.0, fy * y * r2, fy * y * r4, fy * p1[1], fy * p2[1], fy * y * r6]
+                .into(),
+        ]))
+    }
+
+    /// fx, fy, cx, cy, k1, k2, p1, p2, k3, in the order of [`Lens::slope_by_optics`].
+    #[must_use]
+    pub fn optics(&self) -> [f64; 9] {
+        let ([fx, fy], [cx, cy], [k1, k2, p1, p2, k3]) =
+            (self.focal_px, self.center_px, self.distortion);
+        [fx, fy, cx, cy, k1, k2, p1, p2, k3]
+    }
+
+    /// Another lens before the same image.
+    ///
+    /// # Errors
+    /// As [`Lens::new`].
+    pub fn with_optics(&self, field: &str, optics: [f64; 9]) -> Result<Self, Error> {
+        let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = optics;
+        Self::new(field, self.image_px, [fx, fy], [cx, cy], [k1, k2, p1, p2, k3])
+    }
+
     /// The ray a pixel looks along, camera's frame, with z = 1. None where the distortion has no
     /// inverse: far outside of the image it was calibrated on.
     #[must_use]
@@ -235,6 +273,26 @@ mod tests {
                 };
                 let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
                 assert!((difference - slope.column(axis)).norm() < 1e-4, "{axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_slope_by_optics_is_that_of_differences() {
+        for distortion in DISTORTIONS {
+            let lens = lens(distortion);
+            let point = Point3::new(1.3, -0.8, 6.0);
+            let slope = lens.slope_by_optics(&point).unwrap();
+            for i in 0..9 {
+                let moved = |step: f64| {
+                    let mut optics = lens.optics();
+                    optics[i] += step;
+                    let lens = lens.with_optics("left", optics).unwrap();
+                    let RawPixel { x_px, y_px } = lens.raw_from_point(&point).unwrap();
+                    Vector2::new(x_px, y_px)
+                };
+                let difference = (moved(1e-4) - moved(-1e-4)) / 2e-4;
+                assert!((difference - slope.column(i)).norm() < 1e-6, "{i}");
             }
         }
     }

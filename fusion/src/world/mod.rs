@@ -25,6 +25,7 @@
 //! otherwise `left`. Without a court nothing is known of gravity or the ground.
 
 pub mod acceleration;
+pub mod adjustment;
 pub mod air;
 pub mod ball;
 pub mod camera;

@@ -9,6 +9,7 @@
 //! `[stereo]` alone follows Eq 7's (OpenCV's) form, `x_right = R x_left + T`, as the file must.
 
 use crate::Error;
+use crate::world::adjustment::{RIG, RigCovariance};
 use crate::world::air;
 use crate::world::ball::{Ball, GRAVITY_M_S2, Physics, SPIN_SIGMA_M_S2};
 use crate::world::camera::{Lens, RawPixel};
@@ -50,6 +51,7 @@ pub struct Rig {
     mounting: Mounting,
     ball: Ball,
     launcher_in_court_m: Option<Point3<f64>>,
+    covariance: Option<Box<RigCovariance>>,
 }
 
 /// Closer than this the pair measures no depth: 1 px of disparity is 10 m at 4 m distance.
@@ -74,7 +76,7 @@ impl Rig {
         ball: Ball,
         launcher_in_court_m: Option<Point3<f64>>,
     ) -> Result<Self, Error> {
-        let rig = Self { eyes, mounting, ball, launcher_in_court_m };
+        let rig = Self { eyes, mounting, ball, launcher_in_court_m, covariance: None };
         rig.check_eyes()?;
         rig.check_stand()?;
         for (key, value) in [("diameter_m", ball.diameter_m), ("mass_kg", ball.mass_kg)] {
@@ -203,6 +205,26 @@ impl Rig {
         let point_in_camera = camera_from_tracking * point_in_tracking;
         let (raw, slope) = self.eye(camera).lens.raw_and_slope(&point_in_camera)?;
         Some((raw, slope * camera_from_tracking.rotation.matrix()))
+    }
+
+    /// How sure the cameras' numbers are; None if nobody said.
+    #[must_use]
+    pub fn covariance(&self) -> Option<&RigCovariance> {
+        self.covariance.as_deref()
+    }
+
+    /// The same rig, with how sure its numbers are.
+    ///
+    /// # Errors
+    /// [`Error::RigValue`] if a variance is negative or anything is not finite.
+    pub fn with_covariance(self, covariance: RigCovariance) -> Result<Self, Error> {
+        let is_covariance =
+            covariance.iter().all(|v| v.is_finite()) && (0..RIG).all(|i| covariance[(i, i)] >= 0.0);
+        if !is_covariance {
+            let got = "with a negative variance or a number that is not finite";
+            return Err(refused("calibration.covariance", got, "a covariance"));
+        }
+        Ok(Self { covariance: Some(Box::new(covariance)), ..self })
     }
 
     /// What bends a flight in the tracking frame; without a court no gravity is assumed.

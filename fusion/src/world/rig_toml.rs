@@ -4,6 +4,7 @@
 //! printed so that parsing gives back the same bits.
 
 use crate::Error;
+use crate::world::adjustment::{OPTICS, RIG, RigCovariance, first_of, name_of};
 use crate::world::ball::Ball;
 use crate::world::camera::Lens;
 use crate::world::rig::{Eye, Mounting, Rig, isometry_from};
@@ -20,6 +21,7 @@ struct RigView {
     stereo: Option<StereoView>,
     ball: Option<BallView>,
     launcher: Option<LauncherView>,
+    calibration: Option<CalibrationView>,
 }
 
 #[derive(Deserialize)]
@@ -57,6 +59,28 @@ struct LauncherView {
     position_in_court_m: [f64; 3],
 }
 
+/// How sure the numbers above are; written by `calibrate`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CalibrationView {
+    /// Names of [`adjustment`](crate::world::adjustment): `left.fx_px`.
+    unknowns: Vec<String>,
+    covariance: Vec<Vec<f64>>,
+}
+
+impl Rig {
+    /// From the text of a file; an error names the file, and the line if one is to blame.
+    ///
+    /// # Errors
+    /// [`Error::RigFile`].
+    pub fn from_file_text(file: &str, text: &str) -> Result<Self, Error> {
+        text.parse().map_err(|error: Error| {
+            let line = error.rig_line(text).map_or(String::new(), |line| format!(", line {line}"));
+            Error::RigFile { place: format!("{file}{line}"), source: Box::new(error) }
+        })
+    }
+}
+
 impl std::str::FromStr for Rig {
     type Err = Error;
 
@@ -79,8 +103,40 @@ impl std::str::FromStr for Rig {
             mass_kg: ball.mass_kg.unwrap_or(itf.mass_kg),
         });
         let launcher = view.launcher.map(|launcher| Point3::from(launcher.position_in_court_m));
-        Self::new(eyes, mounting, ball, launcher)
+        let rig = Self::new(eyes, mounting, ball, launcher)?;
+        match view.calibration {
+            Some(calibration) => rig.with_covariance(covariance_from(&calibration)?),
+            None => Ok(rig),
+        }
     }
+}
+
+fn covariance_from(view: &CalibrationView) -> Result<RigCovariance, Error> {
+    let CalibrationView { unknowns, covariance } = view;
+    let refused = |key: &str, got: String, expected| Error::RigValue {
+        field: format!("calibration.{key}"),
+        got,
+        expected,
+    };
+    let mut places = Vec::new();
+    for name in unknowns {
+        let place = (0..RIG).find(|&i| name_of(i) == *name);
+        let place = place.filter(|place| !places.contains(place)).ok_or_else(|| {
+            refused("unknowns", format!("{name:?}"), "names like \"left.fx_px\", each once")
+        })?;
+        places.push(place);
+    }
+    if covariance.len() != places.len() || covariance.iter().any(|r| r.len() != places.len()) {
+        let got = format!("{} rows of {} unknowns", covariance.len(), places.len());
+        return Err(refused("covariance", got, "a row and a column for each unknown"));
+    }
+    let mut whole = RigCovariance::zeros();
+    for (row, values) in places.iter().zip(covariance) {
+        for (column, value) in places.iter().zip(values) {
+            whole[(*row, *column)] = *value;
+        }
+    }
+    Ok(whole)
 }
 
 fn eye_from(camera: Camera, view: &CameraView) -> Result<Eye, Error> {
@@ -133,23 +189,29 @@ impl fmt::Display for Rig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for camera in Camera::BOTH {
             let eye = self.eye(camera);
+            let first = first_of(camera);
+            let sigma = |from: usize, n: usize| self.sigma_comment(first + from, n, 1.0, "");
             writeln!(f, "[{camera}]")?;
             writeln!(f, "image_px            = {:?}", eye.lens.image_px())?;
-            writeln!(f, "focal_px            = {:?}", eye.lens.focal_px())?;
-            writeln!(f, "center_px           = {:?}", eye.lens.center_px())?;
-            writeln!(f, "distortion          = {:?}", eye.lens.distortion())?;
+            writeln!(f, "focal_px            = {:?}{}", eye.lens.focal_px(), sigma(0, 2))?;
+            writeln!(f, "center_px           = {:?}{}", eye.lens.center_px(), sigma(2, 2))?;
+            writeln!(f, "distortion          = {:?}{}", eye.lens.distortion(), sigma(4, 5))?;
             if matches!(self.mounting(), Mounting::Court { .. }) {
                 let pose = self.tracking_from(camera);
-                writeln!(f, "position_in_court_m = {:?}", translation_of(&pose))?;
-                writeln!(f, "court_from_camera   = {:?}", rows_of(&pose))?;
+                let centre = sigma(OPTICS + 3, 3);
+                let turn = self.turn_comment(camera);
+                writeln!(f, "position_in_court_m = {:?}{centre}", translation_of(&pose))?;
+                writeln!(f, "court_from_camera   = {:?}{turn}", rows_of(&pose))?;
             }
             writeln!(f, "row_time_us         = {:?}", eye.row_time_us)?;
             writeln!(f, "exposure_us         = {:?}\n", eye.exposure_us)?;
         }
         if let Mounting::Stereo { right_from_left } = self.mounting() {
             writeln!(f, "[stereo]")?;
-            writeln!(f, "rotation      = {:?}", rows_of(right_from_left))?;
-            writeln!(f, "translation_m = {:?}\n", translation_of(right_from_left))?;
+            let turn = self.turn_comment(Camera::Right);
+            let centre = self.sigma_comment(first_of(Camera::Right) + OPTICS + 3, 3, 1.0, "");
+            writeln!(f, "rotation      = {:?}{turn}", rows_of(right_from_left))?;
+            writeln!(f, "translation_m = {:?}{centre}\n", translation_of(right_from_left))?;
         }
         let ball = self.ball();
         writeln!(f, "[ball]\ndiameter_m = {:?}\nmass_kg    = {:?}", ball.diameter_m, ball.mass_kg)?;
@@ -157,7 +219,36 @@ impl fmt::Display for Rig {
             let position: [f64; 3] = launcher.coords.into();
             writeln!(f, "\n[launcher]\nposition_in_court_m = {position:?}")?;
         }
+        if let Some(covariance) = self.covariance() {
+            let known: Vec<usize> = (0..RIG).filter(|&i| covariance[(i, i)] > 0.0).collect();
+            let names: Vec<String> = known.iter().map(|&i| name_of(i)).collect();
+            writeln!(f, "\n[calibration]\nunknowns = {names:?}\ncovariance = [")?;
+            for &row in &known {
+                let values: Vec<f64> = known.iter().map(|&i| covariance[(row, i)]).collect();
+                writeln!(f, "    {values:?},")?;
+            }
+            writeln!(f, "]")?;
+        }
         Ok(())
+    }
+}
+
+impl Rig {
+    /// `# sigma 0.5, 0.5`; nothing if nobody said, or all were taken as given.
+    fn sigma_comment(&self, from: usize, n: usize, scale: f64, unit: &str) -> String {
+        let Some(covariance) = self.covariance() else { return String::new() };
+        let sigmas: Vec<f64> =
+            (from..from + n).map(|i| covariance[(i, i)].sqrt() * scale).collect();
+        if sigmas.iter().all(|sigma| *sigma == 0.0) {
+            return String::new();
+        }
+        let sigmas: Vec<String> = sigmas.iter().map(|sigma| format!("{sigma:.2e}")).collect();
+        format!("  # sigma {}{unit}", sigmas.join(", "))
+    }
+
+    fn turn_comment(&self, camera: Camera) -> String {
+        let unit = " degrees about the camera's x, y, z";
+        self.sigma_comment(first_of(camera) + OPTICS, 3, 1_f64.to_degrees(), unit)
     }
 }
 
@@ -192,6 +283,38 @@ mod tests {
         for text in [REFERENCE_RIG.to_owned(), stereo_text()] {
             let rig: Rig = text.parse().unwrap();
             assert_eq!(rig.to_string().parse::<Rig>().unwrap(), rig);
+        }
+    }
+
+    /// A rig whose focal lengths and right pose are not quite sure.
+    fn unsure() -> Rig {
+        let covariance = RigCovariance::from_fn(|i, j| match (i, j) {
+            (0, 0) | (15, 15) => 4.0,
+            (0, 15) | (15, 0) => 1.0 / 3.0,
+            _ if i == j && i >= 24 => 1e-6 * (i as f64),
+            _ => 0.0,
+        });
+        REFERENCE_RIG.parse::<Rig>().unwrap().with_covariance(covariance).unwrap()
+    }
+
+    #[test]
+    fn how_sure_the_numbers_are_is_printed_and_parsed() {
+        let text = unsure().to_string();
+        assert!(text.contains("1240.0]  # sigma 2.00e0, 0.00e0\n"), "{text}");
+        assert_eq!(text.parse::<Rig>().unwrap(), unsure());
+    }
+
+    #[test]
+    fn a_covariance_that_is_none_is_refused() {
+        let text = unsure().to_string();
+        for (from, to, expected) in [
+            ("\"left.fx_px\"", "\"left.fz_px\"", "`calibration.unknowns` is \"left.fz_px\""),
+            ("\"right.fx_px\"", "\"left.fx_px\"", "`calibration.unknowns` is \"left.fx_px\""),
+            ("\"left.fx_px\", ", "", "`calibration.covariance` is 8 rows of 7 unknowns"),
+            ("[4.0, 0.3", "[-4.0, 0.3", "`calibration.covariance` is with a negative variance"),
+        ] {
+            let error = text.replacen(from, to, 1).parse::<Rig>().unwrap_err().to_string();
+            assert!(error.starts_with(expected), "{error}");
         }
     }
 

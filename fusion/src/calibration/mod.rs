@@ -1,0 +1,9 @@
+//! Once per installation: pictures, or balls, -> the rig, with 1 sigma of every number.
+//!
+//! Common to all methods: [`least_squares`] (the most likely unknowns and their covariance), the
+//! thirty numbers of a rig ([`adjustment`](crate::world::adjustment)), and [`picture`]s.
+//!
+//! Deliberately absent: files and printing; they are in `bin/calibrate`.
+
+pub mod least_squares;
+pub mod picture;
