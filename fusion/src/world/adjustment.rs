@@ -10,7 +10,7 @@
 use crate::Error;
 use crate::world::camera::RawPixel;
 use crate::world::rig::{Mounting, Rig};
-use nalgebra::{IsometryMatrix3, Point3, Rotation3, SMatrix, SVector, Translation3, Vector3};
+use nalgebra::{IsometryMatrix3, Point3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use shm_layout::Camera;
 
 /// Numbers of a lens.
@@ -79,7 +79,9 @@ pub fn moved(pose: &IsometryMatrix3<f64>, step: &[f64; POSE]) -> IsometryMatrix3
 /// The turn and shift that lead from one pose to another: the inverse of [`moved`].
 #[must_use]
 pub fn step_between(from: &IsometryMatrix3<f64>, to: &IsometryMatrix3<f64>) -> [f64; POSE] {
-    let turn = (from.rotation.inverse() * to.rotation).scaled_axis();
+    // By a quaternion: the angle of a matrix is an arc cosine, which loses half of the digits.
+    let turn = from.rotation.inverse() * to.rotation;
+    let turn = UnitQuaternion::from_rotation_matrix(&turn).scaled_axis();
     let shift = to.translation.vector - from.translation.vector;
     [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
 }

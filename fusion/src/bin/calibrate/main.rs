@@ -1,5 +1,7 @@
 //! `calibrate`: pictures or balls in, rig.toml with its uncertainty out. One subcommand per method.
 
+mod court;
+
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -13,10 +15,15 @@ struct Flags {
 
 /// One each; see `calibrate METHOD --help`.
 #[derive(Debug, Subcommand)]
-enum Method {}
+enum Method {
+    /// From the court's white lines.
+    Court(court::Args),
+}
 
 fn run(flags: Flags) -> anyhow::Result<()> {
-    match flags.method {}
+    match flags.method {
+        Method::Court(args) => court::run(&args),
+    }
 }
 
 fn main() -> ExitCode {

@@ -1,0 +1,315 @@
+//! Averaged pictures of the empty court -> the rig, from its white lines.
+//!
+//! [`paint`] (what lines a court has), then for each picture [`ridges`], [`segments`] and
+//! [`guess`]: where the camera stands to a pixel; [`profiles`]: where each piece of each line lies,
+//! to a twentieth of one; and for both together [`fitted`].
+//!
+//! The pictures should be averages of some dozen frames, so that noise is small and people are gone
+//! (`capture --background`). Net cord and posts are not used: their height is that of whoever set
+//! them up.
+
+pub mod fitted;
+pub mod guess;
+pub mod paint;
+pub mod perspective;
+pub mod profiles;
+pub mod ridge_map;
+pub mod ridges;
+pub mod segments;
+
+use crate::calibration::picture::Picture;
+use crate::calibration::prior::{LensSigma, Prior};
+use crate::world::adjustment::{self, RigStep};
+use crate::world::rig::{Mounting, Rig};
+use fitted::Fitted;
+use guess::{Guess, Range};
+use nalgebra::IsometryMatrix3;
+use paint::{LINES, Line};
+use profiles::{Piece, View};
+use shm_layout::Camera;
+
+/// How lines are looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// How far the cameras may be from where they are said to stand.
+    pub range: Range,
+    /// How sure the lenses are, if the rig does not say so itself.
+    pub lens: LensSigma,
+    /// Width of the baselines, and of all other lines.
+    pub baseline_m: f64,
+    /// The other lines.
+    pub others_m: f64,
+    /// 1 sigma of how far a line lies from where the rules put it, at each of its ends.
+    pub paint_sigma_m: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            range: Range::default(),
+            lens: LensSigma::ROUGH,
+            baseline_m: 0.1,
+            others_m: 0.05,
+            paint_sigma_m: 0.005,
+        }
+    }
+}
+
+/// Why there is no calibration.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Refused {
+    /// The picture is not of the camera the rig describes.
+    #[error("the {camera} picture is {got:?}, the rig's camera has {expected:?}")]
+    Size {
+        /// Whose.
+        camera: Camera,
+        /// Width and height.
+        got: [usize; 2],
+        /// Width and height.
+        expected: [u32; 2],
+    },
+    /// No lines, or none that a court's could be.
+    #[error(
+        "the {camera} picture shows no tennis court within reach of where the camera is said to \
+             stand: {n_segments} straight bright lines, none of which fit"
+    )]
+    NoCourt {
+        /// Whose.
+        camera: Camera,
+        /// Straight bright lines found.
+        n_segments: usize,
+    },
+    /// Some lines fit, and too many do not.
+    #[error(
+        "the {camera} picture's lines are not those of a tennis court: {n_hit} of {n_visible} \
+             points of it lie on a line, {across} lines across and {along} along were recognised; \
+             expected half of the points, two lines across and two along"
+    )]
+    WrongCourt {
+        /// Whose.
+        camera: Camera,
+        /// Points on a line.
+        n_hit: usize,
+        /// Points in the picture.
+        n_visible: usize,
+        /// Lines across that were recognised.
+        across: usize,
+        /// Lines along that were recognised.
+        along: usize,
+    },
+    /// The lines that fit lie too far from the rules' lines.
+    #[error(
+        "the {camera} picture's lines lie {rms_px:.2} px (RMS) from those of a tennis court; \
+             expected less than {max_px} px: another sport's lines, or another lens"
+    )]
+    Unlike {
+        /// Whose.
+        camera: Camera,
+        /// RMS distance.
+        rms_px: f64,
+        /// What would be accepted.
+        max_px: f64,
+    },
+    /// The equations have no solution.
+    #[error("the lines seen do not tell where the cameras stand")]
+    Open,
+}
+
+/// A rig, and how it was found.
+#[derive(Debug, Clone)]
+pub struct CourtCalibration {
+    /// Rig, paint and residuals.
+    pub fitted: Fitted,
+    /// Each camera's rough pose.
+    pub guesses: [Guess; 2],
+    /// Each camera's pieces of lines.
+    pub pieces: [Vec<Piece>; 2],
+    /// Blur of an edge in each picture, px.
+    pub blur_px: [f64; 2],
+    /// The lines looked for.
+    pub lines: [Line; LINES],
+}
+
+/// Least part of what should be seen that must be.
+const SHARE_MIN: f64 = 0.5;
+
+/// Lines are this near in the end, px RMS.
+const RMS_MAX_PX: f64 = 0.5;
+
+/// How far from its last pose a line is looked for, round by round.
+const WITHIN_PX: [f64; 3] = [3.0, 2.0, 2.0];
+
+/// The rig under which both pictures show a court.
+///
+/// `start` says roughly where the cameras stand: within `Settings::range`. What it says of how sure
+/// its lenses are, or how its cameras stand to each other, is believed. A rig without a court keeps
+/// its lenses and relation; its cameras are taken to stand like those of the thesis.
+///
+/// # Errors
+/// [`Refused`] says why.
+pub fn from_pictures(
+    pictures: [&Picture; 2],
+    start: &Rig,
+    settings: &Settings,
+) -> Result<CourtCalibration, Refused> {
+    let lines = paint::lines(settings.baseline_m, settings.others_m);
+    let roughly = rough_poses(start);
+    let prior = match start.covariance() {
+        Some(covariance) => Prior::of_rig(start, covariance),
+        None => Prior::of_lenses(start, &settings.lens),
+    };
+    let prior = prior.ok_or(Refused::Open)?;
+    let mut guesses = Vec::new();
+    for camera in Camera::BOTH {
+        let roughly = &roughly[camera.idx()];
+        guesses.push(guess_of(camera, pictures[camera.idx()], start, roughly, settings, &lines)?);
+    }
+    let guesses = [guesses[0], guesses[1]];
+    let poses = guesses.map(|guess| guess.court_from_camera);
+    let mut rig = with_poses(start, poses).ok_or(Refused::Open)?;
+    let mut found = None;
+    for within_px in WITHIN_PX {
+        let seen = Camera::BOTH.map(|camera| {
+            let (picture, pose) = (pictures[camera.idx()], rig.tracking_from(camera));
+            let view = View {
+                picture,
+                lens: &rig.eye(camera).lens,
+                court_from_camera: &pose,
+                within_px,
+                blur_px: 0.0,
+            };
+            sharpest(&view, &lines)
+        });
+        let [(left, left_blur_px), (right, right_blur_px)] = seen;
+        let fitted =
+            fitted::from_pieces([&left, &right], &lines, &rig, &prior, settings.paint_sigma_m)
+                .ok_or(Refused::Open)?;
+        rig = fitted.rig.clone();
+        found = Some((fitted, [left, right], [left_blur_px, right_blur_px]));
+    }
+    let (fitted, pieces, blur_px) = found.ok_or(Refused::Open)?;
+    for camera in Camera::BOTH {
+        let rms_px = fitted.rms_px[camera.idx()];
+        if rms_px > RMS_MAX_PX {
+            return Err(Refused::Unlike { camera, rms_px, max_px: RMS_MAX_PX });
+        }
+    }
+    Ok(CourtCalibration { fitted, guesses, pieces, blur_px, lines })
+}
+
+/// Where the cameras are said to stand in the court.
+fn rough_poses(start: &Rig) -> [IsometryMatrix3<f64>; 2] {
+    match start.mounting() {
+        Mounting::Court { court_from_left, court_from_right } => {
+            [*court_from_left, *court_from_right]
+        }
+        Mounting::Stereo { right_from_left } => thesis_poses(right_from_left),
+    }
+}
+
+/// A rig's cameras as those of the thesis: 3.5 m up, 10° down, the middle between them over the
+/// centre mark and both turned in alike.
+fn thesis_poses(right_from_left: &IsometryMatrix3<f64>) -> [IsometryMatrix3<f64>; 2] {
+    const HEIGHT_M: f64 = 3.5;
+    const TILT_RAD: f64 = 0.1745;
+    let left_from_right = right_from_left.inverse();
+    let baseline_m = left_from_right.translation.vector.norm();
+    // Turned by half of what the cameras are turned against each other, then tilted.
+    let turn = left_from_right.rotation.scaled_axis().y;
+    let (sin, cos) = TILT_RAD.sin_cos();
+    let ahead = nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, -sin, cos, 0.0, -cos, -sin);
+    let level = nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), 0.5 * turn);
+    let rotation = level * nalgebra::Rotation3::from_matrix_unchecked(ahead);
+    let centre = nalgebra::Translation3::new(-0.5 * baseline_m, 0.0, HEIGHT_M);
+    let court_from_left = IsometryMatrix3::from_parts(centre, rotation);
+    [court_from_left, court_from_left * left_from_right]
+}
+
+fn guess_of(
+    camera: Camera,
+    picture: &Picture,
+    start: &Rig,
+    roughly: &IsometryMatrix3<f64>,
+    settings: &Settings,
+    lines: &[Line; LINES],
+) -> Result<Guess, Refused> {
+    let lens = &start.eye(camera).lens;
+    let got = [picture.width_px(), picture.height_px()];
+    let expected = lens.image_px();
+    if got != expected.map(|side| side as usize) {
+        return Err(Refused::Size { camera, got, expected });
+    }
+    let ridges = ridges::from_picture(picture);
+    let segments = segments::from_ridges(&ridges, got[0], got[1]);
+    let found = guess::from_segments(&segments, &ridges, (lens, roughly), &settings.range, lines);
+    let guess = found.ok_or(Refused::NoCourt { camera, n_segments: segments.len() })?;
+    let [across, along] = guess.n_lines;
+    if guess.share() < SHARE_MIN || across < 2 || along < 2 {
+        let Guess { n_hit, n_visible, .. } = guess;
+        return Err(Refused::WrongCourt { camera, n_hit, n_visible, across, along });
+    }
+    Ok(guess)
+}
+
+/// The same cameras at other places.
+fn with_poses(rig: &Rig, poses: [IsometryMatrix3<f64>; 2]) -> Option<Rig> {
+    let [court_from_left, court_from_right] = poses;
+    let eyes = Camera::BOTH.map(|camera| *rig.eye(camera));
+    let mounting = Mounting::Court { court_from_left, court_from_right };
+    Rig::new(eyes, mounting, rig.ball(), rig.launcher_in_court_m()).ok()
+}
+
+/// Pieces with the blur that explains the pixels best, by golden section.
+fn sharpest(view: &View<'_>, lines: &[Line; LINES]) -> (Vec<Piece>, f64) {
+    let seen_with = |blur_px: f64| profiles::from_view(&View { blur_px, ..*view }, lines);
+    let cost = |blur_px: f64| {
+        let pieces = seen_with(blur_px);
+        let noise = |p: &Piece| (p.residual[0] / p.residual[1]).sqrt() / p.contrast;
+        let mut noises: Vec<f64> = pieces.iter().map(noise).collect();
+        if noises.is_empty() {
+            return f64::INFINITY;
+        }
+        let middle = noises.len() / 2;
+        *noises.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    const GOLDEN: f64 = 0.618_034;
+    let [mut low, mut high] = [profiles::BLUR_PX[0].ln(), profiles::BLUR_PX[1].ln()];
+    let inner = |low: f64, high: f64| {
+        let part = GOLDEN * (high - low);
+        [high - part, low + part]
+    };
+    let [mut a, mut b] = inner(low, high);
+    let (mut cost_a, mut cost_b) = (cost(a.exp()), cost(b.exp()));
+    for _ in 0..7 {
+        if cost_a <= cost_b {
+            (high, b, cost_b) = (b, a, cost_a);
+            a = inner(low, high)[0];
+            cost_a = cost(a.exp());
+        } else {
+            (low, a, cost_a) = (a, b, cost_b);
+            b = inner(low, high)[1];
+            cost_b = cost(b.exp());
+        }
+    }
+    let blur_px = (0.5 * (low + high)).exp();
+    (seen_with(blur_px), blur_px)
+}
+
+/// How far a rig is from another, for people: the step of both poses.
+#[must_use]
+pub fn step_between(from: &Rig, to: &Rig) -> RigStep {
+    let mut step = RigStep::zeros();
+    for camera in Camera::BOTH {
+        let first = adjustment::first_of(camera);
+        let optics = |rig: &Rig| rig.eye(camera).lens.optics();
+        for (i, (from, to)) in optics(from).iter().zip(optics(to)).enumerate() {
+            step[first + i] = to - from;
+        }
+        let pose =
+            adjustment::step_between(&from.tracking_from(camera), &to.tracking_from(camera));
+        step.fixed_rows_mut::<{ adjustment::POSE }>(first + adjustment::OPTICS)
+            .copy_from_slice(&pose);
+    }
+    step
+}
+
