@@ -7,6 +7,7 @@
 //! that was hidden, that only one camera saw, or whose tracklet began late is one path, and a token
 //! that was none is left out.
 
+use crate::flight::evidence::{self, Evidence};
 use crate::flight::fit::{self, LAUNCHER_SIGMA_M};
 use crate::flight::fitted::{Fitted, Scene};
 use crate::flight::unknowns::{Known, Prior, Unknowns};
@@ -53,6 +54,8 @@ pub struct Path {
     pub sightings: Vec<Sighting>,
     /// The flight that leads through them; None without a court.
     pub fitted: Option<Fitted>,
+    /// What it says of the rig; None without a court.
+    pub evidence: Option<Box<Evidence>>,
     /// Whether it was seen after a bounce.
     pub has_bounce: bool,
     /// How much likelier a ball on this flight leaves these sightings, in every frame that should
@@ -86,6 +89,7 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
         return Some(Path {
             sightings: before,
             fitted: None,
+            evidence: None,
             has_bounce: false,
             worth: f64::INFINITY,
         });
@@ -108,8 +112,9 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
         true => f64::NEG_INFINITY,
         false => growth.gathered(whole, growth.has_bounce).worth,
     };
+    let evidence = growth.evidence().map(Box::new);
     let Growth { sightings, fitted, has_bounce, .. } = growth;
-    Some(Path { sightings, fitted: Some(fitted), has_bounce, worth })
+    Some(Path { sightings, fitted: Some(fitted), evidence, has_bounce, worth })
 }
 
 /// Whether these are the same spots.
@@ -199,6 +204,11 @@ impl<'a> Growth<'a> {
         if let Some(fitted) = fitted {
             self.fitted = fitted;
         }
+    }
+
+    fn evidence(&self) -> Option<Evidence> {
+        let scene = scene(self.terms, self.launcher_m, self.has_bounce);
+        evidence::of_flight(&self.sightings, &self.fitted, &self.prior, &scene)
     }
 
     /// Outwards, over gaps too, until there is nothing more.

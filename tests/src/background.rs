@@ -44,6 +44,7 @@ pub struct BackgroundKey {
     light: Light,
     sky_light: f64,
     fence_y_m: f64,
+    paint_errors_m: court::PaintErrors,
 }
 
 impl BackgroundKey {
@@ -57,6 +58,7 @@ impl BackgroundKey {
             light: scenario.light,
             sky_light: scenario.conditions.overcast.sky_light,
             fence_y_m: scenario.world.fence_y_m,
+            paint_errors_m: scenario.world.paint_errors_m,
         }
     }
 }
@@ -148,7 +150,9 @@ fn net_on_ray(camera: &Camera, ray: &Vector3<f64>) -> NetSample {
 fn light_of_ground(scenario: &Scenario, eye: &Point3<f64>, ray: &Vector3<f64>) -> f64 {
     assert!(ray.z < 0.0, "a ray that misses everything above the ground goes down");
     let p = eye - ray * (eye.z / ray.z);
-    let reflectance = court::reflectance(scenario.seed, p.x, p.y, scenario.world.fence_y_m);
+    let world = &scenario.world;
+    let paint = &world.paint_errors_m;
+    let reflectance = court::reflectance(scenario.seed, p.x, p.y, world.fence_y_m, paint);
     let shade = net_shade(&p, &scenario.light.sun_in_court);
     reflectance * (1.0 - scenario.light.contrast * shade)
 }

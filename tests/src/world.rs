@@ -5,6 +5,8 @@
 
 use nalgebra::Vector3;
 
+use crate::court::PaintErrors;
+
 /// What the flight depends on besides its launch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct World {
@@ -24,6 +26,8 @@ pub struct World {
     pub surface_friction: f64,
     /// The fence behind the far baseline.
     pub fence_y_m: f64,
+    /// How far the lines were painted from where they belong.
+    pub paint_errors_m: PaintErrors,
 }
 
 impl Default for World {
@@ -37,6 +41,7 @@ impl Default for World {
             gravity_m_s2: 9.81,
             surface_friction: 0.6,
             fence_y_m: 30.0,
+            paint_errors_m: [[0.0; 2]; 9],
         }
     }
 }

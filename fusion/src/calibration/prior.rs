@@ -15,9 +15,8 @@ use shm_layout::Camera;
 const LENSES: usize = 2 * OPTICS;
 
 /// 1 sigma of a number that is taken as given: nothing to a picture, and still a number.
-const GIVEN: [f64; OPTICS + POSE] = [
-    1e-4, 1e-4, 1e-4, 1e-4, 1e-7, 1e-7, 1e-7, 1e-7, 1e-7, 1e-8, 1e-8, 1e-8, 1e-7, 1e-7, 1e-7,
-];
+const GIVEN: [f64; OPTICS + POSE] =
+    [1e-4, 1e-4, 1e-4, 1e-4, 1e-7, 1e-7, 1e-7, 1e-7, 1e-7, 1e-8, 1e-8, 1e-8, 1e-7, 1e-7, 1e-7];
 
 /// How sure a lens is, 1 sigma.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -206,9 +205,8 @@ mod tests {
     fn a_rig_that_is_sure_of_its_relation_holds_it_and_leaves_the_court_open() {
         let stereo = pretend::courtless_rig();
         let right = first_of(Camera::Right) + OPTICS;
-        let covariance = RigCovariance::from_fn(|i, j| {
-            if i == j && i >= right { 1e-6 } else { 0.0 }
-        });
+        let covariance =
+            RigCovariance::from_fn(|i, j| if i == j && i >= right { 1e-6 } else { 0.0 });
         let prior = Prior::of_rig(&stereo, &covariance).unwrap();
         assert!(prior.has_relation());
         // Both cameras moved and turned together: the relation is the same.

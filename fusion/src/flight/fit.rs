@@ -10,7 +10,8 @@
 //!
 //! **What no residual shows**: light pulls the centres of a ball in all frames and both cameras
 //! alike, and differently far away than near. Such biases are considered, not estimated (Schmidt):
-//! the answer's response to each of `BIASES` at 1 sigma is added to the covariance.
+//! the answer's response to each of [`BIASES`] at 1 sigma is added to the covariance. So is its
+//! response to the rig's own doubt, where the rig has one.
 
 use crate::flight::fitted::{Fitted, Scene, slope_and_off, time_s};
 use crate::flight::model::{Model, Span};
@@ -19,6 +20,7 @@ use crate::flight::unknowns::{Column, Covariance, N, Prior, Unknowns};
 use crate::motion::seconds_between;
 use crate::rectified::Sighting;
 use crate::solved::{self, solved};
+use crate::world::adjustment::{CAMERA, RIG, first_of};
 use nalgebra::{Matrix2, SMatrix, Vector2};
 use shm_layout::StampNs;
 
@@ -33,7 +35,7 @@ const ROUGH_STEP_MIN: f64 = 0.2;
 const DAMPING: [f64; 4] = [1e-10, 0.1, 100.0, 1e6];
 
 /// Least part of the residuals that is taken to be free.
-const FREE_MIN: f64 = 0.3;
+pub(super) const FREE_MIN: f64 = 0.3;
 
 /// How far on either side of the sightings a flight is followed.
 const MARGIN_S: f64 = 0.05;
@@ -43,7 +45,7 @@ pub const LAUNCHER_SIGMA_M: f64 = 0.025;
 
 /// Ways in which all centres may be off together: x and y alike, x and y from one way near to
 /// the other way far, and y one way at both ends and the other way between.
-const BIASES: [fn(f64) -> [f64; 2]; 5] = [
+pub const BIASES: [fn(f64) -> [f64; 2]; 5] = [
     |_| [1.0, 0.0],
     |_| [0.0, 1.0],
     |far| [far, 0.0],
@@ -112,27 +114,27 @@ pub fn bound(
     Some(Fitted { reference_ns, unknowns: *truth, covariance, model, noise: [1.0; 2] })
 }
 
-struct Fit<'a> {
-    sightings: &'a [Sighting],
-    reference_ns: StampNs,
-    prior: &'a Prior,
-    scene: &'a Scene<'a>,
-    noise: [f64; 2],
+pub(super) struct Fit<'a> {
+    pub(super) sightings: &'a [Sighting],
+    pub(super) reference_ns: StampNs,
+    pub(super) prior: &'a Prior,
+    pub(super) scene: &'a Scene<'a>,
+    pub(super) noise: [f64; 2],
     /// Variance of what the sightings say, as a multiple of that of independent Gaussian noise.
-    spread: f64,
+    pub(super) spread: f64,
 }
 
 /// Normal equations at some unknowns.
-struct System {
-    normal: Covariance,
+pub(super) struct System {
+    pub(super) normal: Covariance,
     /// What is known without them.
     known: Covariance,
     /// What the sightings would say if all were trusted alike.
     pixels: Covariance,
     /// How much wider than that the answer scatters.
-    spread: f64,
+    pub(super) spread: f64,
     gradient: Column,
-    cost: f64,
+    pub(super) cost: f64,
 }
 
 impl Fit<'_> {
@@ -151,6 +153,7 @@ impl Fit<'_> {
             let off = covariance_of_fit * pull;
             covariance += off * off.transpose();
         }
+        covariance += self.doubt_of_rig(&unknowns, &covariance_of_fit)?;
         let model = self.model(&unknowns, self.scene.reach_s);
         let Fit { reference_ns, noise, .. } = self;
         Some(Fitted { reference_ns, unknowns, covariance, model, noise })
@@ -178,7 +181,31 @@ impl Fit<'_> {
         Some(pulls)
     }
 
-    fn minimised(&self, start: Unknowns, step_min: f64) -> Option<Unknowns> {
+    /// What the calibration's own doubt adds to the covariance: the rig's numbers are considered
+    /// as [`BIASES`] are.
+    fn doubt_of_rig(
+        &self,
+        unknowns: &Unknowns,
+        covariance_of_fit: &Covariance,
+    ) -> Option<Covariance> {
+        let Some(doubt) = self.scene.rig.covariance() else { return Some(Covariance::zeros()) };
+        let model = self.model(unknowns, [0.0; 2]);
+        let mut pull = SMatrix::<f64, N, RIG>::zeros();
+        for sighting in self.sightings {
+            let time_s = time_s(sighting, self.reference_ns, unknowns);
+            let (slope, _) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
+            let position_m = model.place_at(time_s).position_m;
+            let camera = sighting.camera;
+            let (_, by_rig) = self.scene.rig.raw_and_slope_by_camera(camera, &position_m)?;
+            let white = self.whitening(sighting)?;
+            let mut part = pull.fixed_columns_mut::<CAMERA>(first_of(camera));
+            part += (white * slope).transpose() * (white * by_rig) / self.spread;
+        }
+        let response = covariance_of_fit * pull;
+        Some(response * doubt * response.transpose())
+    }
+
+    pub(super) fn minimised(&self, start: Unknowns, step_min: f64) -> Option<Unknowns> {
         let [mut damping, better, worse, damping_max] = DAMPING;
         let mut unknowns = start;
         let mut system = self.system(&unknowns)?;
@@ -208,10 +235,8 @@ impl Fit<'_> {
     }
 
     /// None if the ball is behind a camera that saw it, or a number is not finite.
-    fn system(&self, unknowns: &Unknowns) -> Option<System> {
-        let reach_s =
-            [if self.scene.launcher_m.is_some() { self.scene.reach_s[0] } else { 0.0 }, 0.0];
-        let model = self.model(unknowns, reach_s);
+    pub(super) fn system(&self, unknowns: &Unknowns) -> Option<System> {
+        let model = self.model_to_launcher(unknowns);
         let off_mean = unknowns.less(&self.prior.mean);
         let mut known = self.prior.information;
         let mut gradient = self.prior.information * off_mean;
@@ -249,6 +274,12 @@ impl Fit<'_> {
         cost.is_finite().then_some(System { normal, known, pixels, spread, gradient, cost })
     }
 
+    /// Followed back to the launcher if it is known to come from there.
+    pub(super) fn model_to_launcher(&self, unknowns: &Unknowns) -> Model {
+        let before_s = if self.scene.launcher_m.is_some() { self.scene.reach_s[0] } else { 0.0 };
+        self.model(unknowns, [before_s, 0.0])
+    }
+
     fn model(&self, unknowns: &Unknowns, [before_s, after_s]: [f64; 2]) -> Model {
         let time_of = |sighting: Option<&Sighting>| {
             sighting.map_or(0.0, |s| seconds_between(self.reference_ns, s.t_ns))
@@ -262,7 +293,7 @@ impl Fit<'_> {
     }
 
     /// How far from the launcher the ball passes its plane, x and z, in sigmas.
-    fn launcher(&self, model: &Model) -> Option<(SMatrix<f64, 2, N>, Vector2<f64>)> {
+    pub(super) fn launcher(&self, model: &Model) -> Option<(SMatrix<f64, 2, N>, Vector2<f64>)> {
         let launcher = self.scene.launcher_m?;
         let first_s = seconds_between(self.reference_ns, self.sightings.first()?.t_ns);
         let there = model.passing(1, launcher.y, first_s - self.scene.reach_s[0])?;
@@ -273,7 +304,7 @@ impl Fit<'_> {
     }
 
     /// Turns pixels into sigmas.
-    fn whitening(&self, sighting: &Sighting) -> Option<Matrix2<f64>> {
+    pub(super) fn whitening(&self, sighting: &Sighting) -> Option<Matrix2<f64>> {
         // The inverse of the Cholesky factor, written out.
         let c = sighting.total_px2(self.noise[sighting.camera.idx()]);
         let a = c[(0, 0)].sqrt();
@@ -301,7 +332,7 @@ impl Fit<'_> {
 }
 
 /// None if the matrix is not positive definite.
-fn inverse(matrix: &Covariance) -> Option<Covariance> {
+pub(super) fn inverse(matrix: &Covariance) -> Option<Covariance> {
     let inverse = solved::inverse(N, matrix)?;
     Some(Covariance::from_fn(|i, j| inverse[(i, j)]))
 }

@@ -99,6 +99,12 @@ impl Scatter {
         if self.n > 0.0 { (self.psi_slope / self.weight).clamp(CURVATURE_MIN, 1.0) } else { 1.0 }
     }
 
+    /// Mean derivative of a pull by its residual.
+    #[must_use]
+    pub fn pull_slope(&self) -> f64 {
+        if self.n > 0.0 { self.curvature() * self.weight / self.n } else { 1.0 }
+    }
+
     /// Variance of the estimate as a multiple of that of equal trust.
     #[must_use]
     pub fn spread(&self) -> f64 {

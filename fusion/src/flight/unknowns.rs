@@ -101,7 +101,7 @@ impl Unknowns {
 const SPIN_SIGMA_RAD_S: [f64; 3] = [30.0, 250.0, 120.0];
 
 /// 1 sigma of each horizontal component of the wind.
-const WIND_SIGMA_M_S: f64 = 1.5;
+pub const WIND_SIGMA_M_S: f64 = 1.5;
 
 /// So wide that it says nothing, and keeps the equations solvable.
 const POSITION_SIGMA_M: f64 = 100.0;

@@ -10,7 +10,9 @@
 use crate::Error;
 use crate::world::camera::RawPixel;
 use crate::world::rig::{Mounting, Rig};
-use nalgebra::{IsometryMatrix3, Point3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{
+    IsometryMatrix3, Point3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3,
+};
 use shm_layout::Camera;
 
 /// Numbers of a lens.
@@ -100,6 +102,22 @@ pub fn slope_of_point(
 }
 
 impl Rig {
+    /// The step that leads from this rig to another: the inverse of [`Rig::adjusted`].
+    #[must_use]
+    pub fn step_to(&self, other: &Self) -> RigStep {
+        let mut step = RigStep::zeros();
+        for camera in Camera::BOTH {
+            let first = first_of(camera);
+            let [from, to] = [self, other].map(|rig| rig.eye(camera).lens.optics());
+            for (i, (from, to)) in from.iter().zip(to).enumerate() {
+                step[first + i] = to - from;
+            }
+            let pose = step_between(&self.tracking_from(camera), &other.tracking_from(camera));
+            step.fixed_rows_mut::<POSE>(first + OPTICS).copy_from_slice(&pose);
+        }
+        step
+    }
+
     /// The rig after a step; where it knows no court, a step of the left pose is left out.
     ///
     /// # Errors
@@ -196,6 +214,14 @@ mod tests {
         let step = [0.01, -0.02, 0.03, 0.1, -0.2, 0.3];
         let back = step_between(&pose, &moved(&pose, &step));
         assert!(back.iter().zip(step).all(|(back, step)| (back - step).abs() < 1e-12));
+    }
+
+    #[test]
+    fn the_step_to_another_rig_leads_there() {
+        let rig = pretend::reference_rig();
+        let step = RigStep::from_fn(|i, _| 1e-3 * (i as f64 - 14.0));
+        let there = rig.adjusted(&step).unwrap();
+        assert!((rig.step_to(&there) - step).amax() < 1e-12);
     }
 
     #[test]

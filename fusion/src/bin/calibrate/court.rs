@@ -28,15 +28,38 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let t = std::time::Instant::now();
     let found = court::from_pictures(pictures.each_ref(), &rig, &court::Settings::default())?;
     println!("{:?}", t.elapsed());
-    let step = court::step_between(&rig, &found.fitted.rig);
+    let step = rig.step_to(&found.fitted.rig);
     let cov = found.fitted.rig.covariance().unwrap();
-    for i in 0..30 { println!("{:20} {:+.3e} +- {:.3e}", fusion::world::adjustment::name_of(i), step[i], cov[(i,i)].sqrt()); }
-    println!("rms {:?} noise {:?} blur {:?}", found.fitted.rms_px, found.fitted.noise, found.blur_px);
+    for i in 0..30 {
+        println!(
+            "{:20} {:+.3e} +- {:.3e}",
+            fusion::world::adjustment::name_of(i),
+            step[i],
+            cov[(i, i)].sqrt()
+        );
+    }
+    println!(
+        "rms {:?} noise {:?} blur {:?}",
+        found.fitted.rms_px, found.fitted.noise, found.blur_px
+    );
     for (i, l) in found.lines.iter().enumerate() {
-        let n = [0,1].map(|c| found.pieces[c].iter().filter(|p| p.line_idx==i).count());
-        let ne = [0,1].map(|c| found.pieces[c].iter().zip(&found.fitted.is_explained[c]).filter(|(p,e)| p.line_idx==i && **e).count());
-        let k = [0,1].map(|c| { let v: Vec<f64> = found.pieces[c].iter().filter(|p| p.line_idx==i).map(|p| p.contrast).collect(); v.iter().sum::<f64>()/v.len().max(1) as f64});
-        println!("{:25} paint {:.4?} pieces {:?} explained {:?} contrast {:.1?}", l.name, found.fitted.paint_m[i], n, ne, k);
+        let n = [0, 1].map(|c| found.pieces[c].iter().filter(|p| p.line_idx == i).count());
+        let ne = [0, 1].map(|c| {
+            found.pieces[c]
+                .iter()
+                .zip(&found.fitted.is_explained[c])
+                .filter(|(p, e)| p.line_idx == i && **e)
+                .count()
+        });
+        let k = [0, 1].map(|c| {
+            let v: Vec<f64> =
+                found.pieces[c].iter().filter(|p| p.line_idx == i).map(|p| p.contrast).collect();
+            v.iter().sum::<f64>() / v.len().max(1) as f64
+        });
+        println!(
+            "{:25} paint {:.4?} pieces {:?} explained {:?} contrast {:.1?}",
+            l.name, found.fitted.paint_m[i], n, ne, k
+        );
     }
     Ok(())
 }

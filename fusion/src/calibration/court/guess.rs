@@ -230,20 +230,15 @@ impl Search<'_> {
 
     /// The segment as a line in ideal coordinates.
     fn ideal(&self, segment: &Segment) -> Option<Vector3<f64>> {
-        let [a, b] = segment.ends_px.map(|[x_px, y_px]| {
-            self.lens.ray_from_raw(RawPixel { x_px, y_px })
-        });
+        let [a, b] =
+            segment.ends_px.map(|[x_px, y_px]| self.lens.ray_from_raw(RawPixel { x_px, y_px }));
         let line = a?.cross(&b?);
         Some(line / line.xy().norm())
     }
 
     /// The pose that sees a rectangle of the court in these four lines; None if no camera of
     /// this lens within the range does.
-    fn pose_of(
-        &self,
-        across: [&Taken; 2],
-        along: [&Taken; 2],
-    ) -> Option<IsometryMatrix3<f64>> {
+    fn pose_of(&self, across: [&Taken; 2], along: [&Taken; 2]) -> Option<IsometryMatrix3<f64>> {
         let y = across.map(|t| self.lines[t.line_idx].middle_m);
         let x = along.map(|t| self.lines[t.line_idx].middle_m);
         let corner = |i: usize, j: usize| {
@@ -278,8 +273,7 @@ impl Search<'_> {
 
     /// What a pose explains.
     fn judged(&self, pose: &IsometryMatrix3<f64>, every_m: f64) -> Guess {
-        let mut guess =
-            Guess { court_from_camera: *pose, n_visible: 0, n_hit: 0, n_lines: [0, 0] };
+        let mut guess = Guess { court_from_camera: *pose, n_visible: 0, n_hit: 0, n_lines: [0, 0] };
         let camera_from_court = pose.inverse();
         for line in self.lines {
             let (mut n_visible, mut n_hit) = (0, 0);
@@ -287,8 +281,8 @@ impl Search<'_> {
                 n_visible += 1;
                 n_hit += usize::from(self.map.has(at, along));
             });
-            let is_seen = n_hit >= N_LINE_POINTS_MIN
-                && n_hit as f64 >= LINE_SHARE_MIN * n_visible as f64;
+            let is_seen =
+                n_hit >= N_LINE_POINTS_MIN && n_hit as f64 >= LINE_SHARE_MIN * n_visible as f64;
             guess.n_lines[usize::from(line.runs == Runs::Along)] += usize::from(is_seen);
             guess.n_visible += n_visible;
             guess.n_hit += n_hit;

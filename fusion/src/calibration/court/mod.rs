@@ -19,7 +19,6 @@ pub mod segments;
 
 use crate::calibration::picture::Picture;
 use crate::calibration::prior::{LensSigma, Prior};
-use crate::world::adjustment::{self, RigStep};
 use crate::world::rig::{Mounting, Rig};
 use fitted::Fitted;
 use guess::{Guess, Range};
@@ -294,22 +293,3 @@ fn sharpest(view: &View<'_>, lines: &[Line; LINES]) -> (Vec<Piece>, f64) {
     let blur_px = (0.5 * (low + high)).exp();
     (seen_with(blur_px), blur_px)
 }
-
-/// How far a rig is from another, for people: the step of both poses.
-#[must_use]
-pub fn step_between(from: &Rig, to: &Rig) -> RigStep {
-    let mut step = RigStep::zeros();
-    for camera in Camera::BOTH {
-        let first = adjustment::first_of(camera);
-        let optics = |rig: &Rig| rig.eye(camera).lens.optics();
-        for (i, (from, to)) in optics(from).iter().zip(optics(to)).enumerate() {
-            step[first + i] = to - from;
-        }
-        let pose =
-            adjustment::step_between(&from.tracking_from(camera), &to.tracking_from(camera));
-        step.fixed_rows_mut::<{ adjustment::POSE }>(first + adjustment::OPTICS)
-            .copy_from_slice(&pose);
-    }
-    step
-}
-

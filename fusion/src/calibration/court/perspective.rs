@@ -58,4 +58,3 @@ pub fn pose_from_homography(ideal_from_court: &Matrix3<f64>) -> Option<IsometryM
     let court_from_camera = Rotation3::from_matrix_unchecked(rotation.transpose());
     Some(IsometryMatrix3::from_parts(Translation3::from(centre_in_court), court_from_camera))
 }
-

@@ -132,8 +132,7 @@ impl View<'_> {
 
     fn holds(&self, window: &Window) -> bool {
         let reach = window.half_length_px + self.reach_px(window) + 1.0;
-        let is_inside =
-            |at: f64, side: usize| at - reach >= 0.0 && at + reach <= (side - 1) as f64;
+        let is_inside = |at: f64, side: usize| at - reach >= 0.0 && at + reach <= (side - 1) as f64;
         is_inside(window.middle[0], self.picture.width_px())
             && is_inside(window.middle[1], self.picture.height_px())
     }

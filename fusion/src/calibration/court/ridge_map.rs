@@ -52,8 +52,8 @@ impl RidgeMap {
     }
 
     fn pixel(&self, x: i64, y: i64) -> Option<usize> {
-        let is_inside = (0..self.width_px as i64).contains(&x)
-            && (0..self.height_px as i64).contains(&y);
+        let is_inside =
+            (0..self.width_px as i64).contains(&x) && (0..self.height_px as i64).contains(&y);
         is_inside.then(|| y as usize * self.width_px + x as usize)
     }
 

@@ -91,8 +91,7 @@ impl Derivatives {
         if contrast < CONTRAST_MIN || mean + half > -0.5 * curvature {
             return None;
         }
-        let (nx, ny) =
-            if xx <= yy { (curvature - yy, xy) } else { (xy, curvature - xx) };
+        let (nx, ny) = if xx <= yy { (curvature - yy, xy) } else { (xy, curvature - xx) };
         let norm = nx.hypot(ny);
         let (nx, ny) = (nx / norm, ny / norm);
         let slope = f64::from(self.x[i]) * nx + f64::from(self.y[i]) * ny;
@@ -136,11 +135,8 @@ fn filtered_along_rows(picture: &Picture, kernel: &[f64]) -> Vec<f32> {
     let mut out = vec![0.0; picture.luma().len()];
     for (row, out) in picture.luma().chunks_exact(width).zip(out.chunks_exact_mut(width)) {
         for x in reach..width.saturating_sub(reach) {
-            let sum: f64 = row[x - reach..]
-                .iter()
-                .zip(kernel)
-                .map(|(v, k)| f64::from(*v) * k)
-                .sum();
+            let sum: f64 =
+                row[x - reach..].iter().zip(kernel).map(|(v, k)| f64::from(*v) * k).sum();
             out[x] = sum as f32;
         }
     }

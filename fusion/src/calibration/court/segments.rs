@@ -221,7 +221,8 @@ mod tests {
     #[test]
     fn nothing_is_no_line() {
         assert!(from_ridges(&[], 640, 480).is_empty());
-        assert!(from_ridges(&points_of([1.0, 1.0], [12.0, 1.0]).collect::<Vec<_>>(), 64, 48)
-            .is_empty());
+        assert!(
+            from_ridges(&points_of([1.0, 1.0], [12.0, 1.0]).collect::<Vec<_>>(), 64, 48).is_empty()
+        );
     }
 }

@@ -21,7 +21,13 @@ fn seen_court(lens: &Lens, pose: &IsometryMatrix3<f64>) -> Picture {
                 && (line.span_m[0]..line.span_m[1]).contains(&along)
         });
         let is_inside = x.abs() < 5.485 && (0.0..23.77).contains(&y);
-        if on { PAINT } else if is_inside { COURT } else { APRON }
+        if on {
+            PAINT
+        } else if is_inside {
+            COURT
+        } else {
+            APRON
+        }
     };
     let luma = (0..width * height)
         .map(|i| {
