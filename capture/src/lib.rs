@@ -4,10 +4,13 @@
 //! they were exposed, [`source`] is the door all of them stand behind (cameras will too), and
 //! [`publisher`] lends shared memory, has it filled and publishes it; [`pace`] decides when.
 //!
-//! Deliberately absent: image processing, geometry, and a copy of a frame: a source writes straight
+//! [`average`] is for calibration: what stands still in a recording, as one picture.
+//!
+//! Deliberately absent: image processing otherwise, geometry, and a copy of a frame: a source writes straight
 //! into the memory that workers read.
 #![forbid(unsafe_code)]
 
+pub mod average;
 pub mod pace;
 pub mod pictures;
 pub mod publisher;

@@ -75,10 +75,17 @@ struct Seen {
 impl Background {
     /// Casts the rays of one camera.
     pub fn from_scenario(scenario: &Scenario, side: Side) -> Self {
+        Self::from_rays(scenario, side, RAYS_PER_SIDE)
+    }
+
+    /// The same with this many rays along each side of what a pixel sees.
+    pub fn from_rays(scenario: &Scenario, side: Side, rays_per_side: usize) -> Self {
         let camera = scenario.rig.camera(side);
         let (width_px, height_px) = (camera.width_px, camera.height_px);
         let seen: Vec<Seen> = (0..width_px * height_px)
-            .map(|idx| seen_by_pixel(scenario, camera, idx % width_px, idx / width_px))
+            .map(|idx| {
+                seen_by_pixel(scenario, camera, [idx % width_px, idx / width_px], rays_per_side)
+            })
             .collect();
         let image = |part: fn(&Seen) -> f64| seen.iter().map(|s| part(s) as f32).collect();
         Self {
@@ -92,17 +99,23 @@ impl Background {
     }
 }
 
-fn seen_by_pixel(scenario: &Scenario, camera: &Camera, column: usize, row: usize) -> Seen {
-    let share = 1.0 / (RAYS_PER_SIDE * RAYS_PER_SIDE) as f64;
+fn seen_by_pixel(
+    scenario: &Scenario,
+    camera: &Camera,
+    [column, row]: [usize; 2],
+    rays_per_side: usize,
+) -> Seen {
+    let n_rays = rays_per_side * rays_per_side;
+    let share = 1.0 / n_rays as f64;
     let mut pixel_sees = Seen::default();
-    for ray_idx in 0..RAYS_PER_SIDE * RAYS_PER_SIDE {
-        let within = |idx: usize| camera::offset_px((idx as f64 + 0.5) / RAYS_PER_SIDE as f64);
+    for ray_idx in 0..n_rays {
+        let within = |idx: usize| camera::offset_px((idx as f64 + 0.5) / rays_per_side as f64);
         let pixel = Point2::new(
-            column as f64 + within(ray_idx % RAYS_PER_SIDE),
-            row as f64 + within(ray_idx / RAYS_PER_SIDE),
+            column as f64 + within(ray_idx % rays_per_side),
+            row as f64 + within(ray_idx / rays_per_side),
         );
         let ray = camera.ray_in_court(pixel);
-        let ray_sees = seen_by_ray(scenario, camera, &ray);
+        let ray_sees = seen_by_ray(scenario, camera, &ray, rays_per_side);
         pixel_sees.light += share * ray_sees.light;
         pixel_sees.net_coverage += share * ray_sees.net_coverage;
         pixel_sees.trees_light += share * ray_sees.trees_light;
@@ -111,9 +124,14 @@ fn seen_by_pixel(scenario: &Scenario, camera: &Camera, column: usize, row: usize
     pixel_sees
 }
 
-fn seen_by_ray(scenario: &Scenario, camera: &Camera, ray: &Vector3<f64>) -> Seen {
+fn seen_by_ray(
+    scenario: &Scenario,
+    camera: &Camera,
+    ray: &Vector3<f64>,
+    rays_per_side: usize,
+) -> Seen {
     let eye = &camera.position_in_court_m;
-    let net = net_on_ray(camera, ray);
+    let net = net_on_ray(camera, ray, rays_per_side);
     let net_light = net.reflectance * scenario.light.irradiance(&-Vector3::y());
     let open = 1.0 - net.coverage;
     let sky_light = match scenario.conditions.overcast.sky_light {
@@ -133,7 +151,7 @@ fn seen_by_ray(scenario: &Scenario, camera: &Camera, ray: &Vector3<f64>) -> Seen
     }
 }
 
-fn net_on_ray(camera: &Camera, ray: &Vector3<f64>) -> NetSample {
+fn net_on_ray(camera: &Camera, ray: &Vector3<f64>, rays_per_side: usize) -> NetSample {
     let eye = &camera.position_in_court_m;
     let reach = (net::Y_M - eye.y) / ray.y;
     let p = eye + ray * reach;
@@ -142,7 +160,7 @@ fn net_on_ray(camera: &Camera, ray: &Vector3<f64>) -> NetSample {
         return NetSample { coverage: 0.0, reflectance: 0.0 };
     }
     // The rays of a pixel share a view 2 px wide; each answers for its part of it.
-    let extent_px = 2.0 / RAYS_PER_SIDE as f64;
+    let extent_px = 2.0 / rays_per_side as f64;
     let extent_m = extent_px * reach * ray.norm() / camera.focal_px[0];
     net::sample(p.x, p.z, extent_m)
 }

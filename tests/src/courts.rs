@@ -6,6 +6,8 @@
 //! rig of the thesis as a guess; the pictures are averages of rendered frames.
 
 use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::Context as _;
 use fusion::Rig;
@@ -18,6 +20,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use crate::accuracy::figures;
+use crate::background::Background;
 use crate::camera::{Camera, Side};
 use crate::renderer::Renderer;
 use crate::scenario::Scenario;
@@ -26,6 +29,9 @@ use crate::truth::Truth;
 
 /// Frames in an average: half a second.
 const N_FRAMES: u64 = 45;
+
+/// A far line is half a pixel thin: where five rays a side find its middle depends on the rays.
+const RAYS_PER_SIDE: usize = 9;
 
 /// What varies from rig to rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,7 +92,9 @@ fn drawn_camera(rng: &mut impl Rng, x_m: f64, is_lens_known: bool) -> Camera {
 
 /// The average of some frames of the empty court.
 pub fn picture_from(scenario: &Scenario, side: Side) -> Picture {
-    let renderer = Renderer::new(scenario, &Truth::from_scenario(scenario), side);
+    let background = Arc::new(Background::from_rays(scenario, side, RAYS_PER_SIDE));
+    let truth = Truth::from_scenario(scenario);
+    let renderer = Renderer::before(background, scenario, &truth, side);
     let Camera { width_px, height_px, .. } = *renderer.camera();
     let mut frame = vec![0; width_px * height_px];
     let mut sums = vec![0_u32; frame.len()];
@@ -110,6 +118,29 @@ pub struct Score {
     pub off_m: Vector2<f64>,
     /// What the calibration says of that, 1 sigma.
     pub sigma_m: Vector2<f64>,
+}
+
+/// Writes what an operator would have: `left.png` and `right.png` (16 bits), the guess `start.toml`;
+/// and the truth, `rig.toml`.
+pub fn write(seed: u64, odds: &Odds, directory: &Path) -> anyhow::Result<()> {
+    let scenario = scenario_from_seed(seed, odds);
+    std::fs::create_dir_all(directory).with_context(|| directory.display().to_string())?;
+    for (name, scenario) in [("rig.toml", &scenario), ("start.toml", &Scenario::empty())] {
+        let path = directory.join(name);
+        std::fs::write(&path, shot_folder::rig_toml(scenario))
+            .with_context(|| path.display().to_string())?;
+    }
+    for side in Side::BOTH {
+        let picture = picture_from(&scenario, side);
+        let grey = picture.luma().iter().map(|v| (v * 257.0).round() as u16).collect();
+        let (width, height) = (picture.width_px() as u32, picture.height_px() as u32);
+        let path = directory.join(side.name()).with_extension("png");
+        image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_raw(width, height, grey)
+            .context("a value for each pixel")?
+            .save(&path)
+            .with_context(|| path.display().to_string())?;
+    }
+    Ok(())
 }
 
 /// Sets a rig up, calibrates it from the lines and scores that.

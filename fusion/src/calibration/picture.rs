@@ -19,6 +19,19 @@ impl Picture {
         Self { width_px, height_px, luma }
     }
 
+    /// The same picture in light instead of in grey levels, both 0 to 255: a pixel that is half
+    /// paint is then half as bright as paint. Cameras encode light by about the sRGB curve (IEC
+    /// 61966-2-1).
+    #[must_use]
+    pub fn linear(&self) -> Self {
+        let light = |grey: f32| match grey / 255.0 {
+            v if v <= 0.04045 => v / 12.92,
+            v => ((v + 0.055) / 1.055).powf(2.4),
+        };
+        let luma = self.luma.iter().map(|grey| 255.0 * light(*grey)).collect();
+        Self { luma, ..*self }
+    }
+
     /// Columns.
     #[must_use]
     pub fn width_px(&self) -> usize {

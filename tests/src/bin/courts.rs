@@ -1,5 +1,6 @@
 //! `courts`: how well rigs set up by hand are calibrated from the lines of courts painted by hand.
 
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -23,6 +24,9 @@ struct Flags {
     /// The lenses are what the operator believes.
     #[arg(long)]
     known_lens: bool,
+    /// Write the first rig's pictures and rig.toml here instead, with the guess beside them.
+    #[arg(long, value_name = "DIR")]
+    write: Option<PathBuf>,
     /// A line for each rig.
     #[arg(long)]
     verbose: bool,
@@ -31,6 +35,9 @@ struct Flags {
 fn main() -> anyhow::Result<()> {
     let flags = Flags::parse();
     let odds = Odds { paint_sigma_m: 1e-3 * flags.paint_mm, is_lens_known: flags.known_lens };
+    if let Some(directory) = &flags.write {
+        return courts::write(flags.seed, &odds, directory);
+    }
     let next = AtomicU64::new(0);
     let found: Mutex<Vec<(u64, anyhow::Result<Score>)>> = Mutex::new(Vec::new());
     let n_threads = std::thread::available_parallelism().map_or(1, usize::from);

@@ -5,7 +5,7 @@
 //! to a twentieth of one; and for both together [`fitted`].
 //!
 //! The pictures should be averages of some dozen frames, so that noise is small and people are gone
-//! (`capture --background`). Net cord and posts are not used: their height is that of whoever set
+//! (`capture --background`). Grey levels are turned into light by the sRGB curve first. Net cord and posts are not used: their height is that of whoever set
 //! them up.
 
 pub mod fitted;
@@ -19,6 +19,7 @@ pub mod segments;
 
 use crate::calibration::picture::Picture;
 use crate::calibration::prior::{LensSigma, Prior};
+use crate::world::camera::Lens;
 use crate::world::rig::{Mounting, Rig};
 use fitted::Fitted;
 use guess::{Guess, Range};
@@ -166,27 +167,30 @@ pub fn from_pictures(
     let guesses = [guesses[0], guesses[1]];
     let poses = guesses.map(|guess| guess.court_from_camera);
     let mut rig = with_poses(start, poses).ok_or(Refused::Open)?;
+    let light = pictures.map(Picture::linear);
+    let poses = Camera::BOTH.map(|camera| rig.tracking_from(camera));
+    let eyes = Camera::BOTH.map(|camera| rig.eye(camera).lens);
+    let blur_px = [0, 1].map(|i| blur_of(&light[i], &eyes[i], &poses[i], &lines));
     let mut found = None;
     for within_px in WITHIN_PX {
-        let seen = Camera::BOTH.map(|camera| {
-            let (picture, pose) = (pictures[camera.idx()], rig.tracking_from(camera));
+        let pieces = Camera::BOTH.map(|camera| {
             let view = View {
-                picture,
+                picture: &light[camera.idx()],
                 lens: &rig.eye(camera).lens,
-                court_from_camera: &pose,
+                court_from_camera: &rig.tracking_from(camera),
                 within_px,
-                blur_px: 0.0,
+                blur_px: blur_px[camera.idx()],
+                every: 1,
             };
-            sharpest(&view, &lines)
+            profiles::from_view(&view, &lines)
         });
-        let [(left, left_blur_px), (right, right_blur_px)] = seen;
-        let fitted =
-            fitted::from_pieces([&left, &right], &lines, &rig, &prior, settings.paint_sigma_m)
-                .ok_or(Refused::Open)?;
+        let seen = pieces.each_ref().map(Vec::as_slice);
+        let fitted = fitted::from_pieces(seen, &lines, &rig, &prior, settings.paint_sigma_m)
+            .ok_or(Refused::Open)?;
         rig = fitted.rig.clone();
-        found = Some((fitted, [left, right], [left_blur_px, right_blur_px]));
+        found = Some((fitted, pieces));
     }
-    let (fitted, pieces, blur_px) = found.ok_or(Refused::Open)?;
+    let (fitted, pieces) = found.ok_or(Refused::Open)?;
     for camera in Camera::BOTH {
         let rms_px = fitted.rms_px[camera.idx()];
         if rms_px > RMS_MAX_PX {
@@ -258,12 +262,20 @@ fn with_poses(rig: &Rig, poses: [IsometryMatrix3<f64>; 2]) -> Option<Rig> {
     Rig::new(eyes, mounting, rig.ball(), rig.launcher_in_court_m()).ok()
 }
 
-/// Pieces with the blur that explains the pixels best, by golden section.
-fn sharpest(view: &View<'_>, lines: &[Line; LINES]) -> (Vec<Piece>, f64) {
-    let seen_with = |blur_px: f64| profiles::from_view(&View { blur_px, ..*view }, lines);
+/// The blur that explains the pixels of some pieces best, by golden section.
+fn blur_of(
+    light: &Picture,
+    lens: &Lens,
+    court_from_camera: &IsometryMatrix3<f64>,
+    lines: &[Line; LINES],
+) -> f64 {
+    const GOLDEN: f64 = 0.618_034;
+    const EVERY: usize = 4;
     let cost = |blur_px: f64| {
-        let pieces = seen_with(blur_px);
-        let noise = |p: &Piece| (p.residual[0] / p.residual[1]).sqrt() / p.contrast;
+        let within_px = WITHIN_PX[0];
+        let view = View { picture: light, lens, court_from_camera, within_px, blur_px, every: EVERY };
+        let pieces = profiles::from_view(&view, lines);
+        let noise = |piece: &Piece| (piece.residual[0] / piece.residual[1]).sqrt() / piece.contrast;
         let mut noises: Vec<f64> = pieces.iter().map(noise).collect();
         if noises.is_empty() {
             return f64::INFINITY;
@@ -271,25 +283,19 @@ fn sharpest(view: &View<'_>, lines: &[Line; LINES]) -> (Vec<Piece>, f64) {
         let middle = noises.len() / 2;
         *noises.select_nth_unstable_by(middle, f64::total_cmp).1
     };
-    const GOLDEN: f64 = 0.618_034;
-    let [mut low, mut high] = [profiles::BLUR_PX[0].ln(), profiles::BLUR_PX[1].ln()];
-    let inner = |low: f64, high: f64| {
-        let part = GOLDEN * (high - low);
-        [high - part, low + part]
-    };
-    let [mut a, mut b] = inner(low, high);
+    let [mut low, mut high] = profiles::BLUR_PX.map(f64::ln);
+    let [mut a, mut b] = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
     let (mut cost_a, mut cost_b) = (cost(a.exp()), cost(b.exp()));
-    for _ in 0..7 {
+    for _ in 0..6 {
         if cost_a <= cost_b {
             (high, b, cost_b) = (b, a, cost_a);
-            a = inner(low, high)[0];
+            a = high - GOLDEN * (high - low);
             cost_a = cost(a.exp());
         } else {
             (low, a, cost_a) = (a, b, cost_b);
-            b = inner(low, high)[1];
+            b = low + GOLDEN * (high - low);
             cost_b = cost(b.exp());
         }
     }
-    let blur_px = (0.5 * (low + high)).exp();
-    (seen_with(blur_px), blur_px)
+    (0.5 * (low + high)).exp()
 }

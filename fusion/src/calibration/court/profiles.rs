@@ -3,7 +3,8 @@
 //! A stripe of paint is two edges. Across a short piece of it brightness is fitted by
 //! `inside + (paint − inside) E(d + w/2) + (outside − paint) E(d − w/2)`: `d` is the distance
 //! across the line, px, less the offset that is sought, `w` the width of the paint as the pose sees
-//! it, and `E` an edge as blurred as this picture is. Ground may differ on the two sides (a court
+//! it, and `E` an edge as blurred as this picture is. Brightness is light, not grey level: a thin
+//! line in grey levels is pulled by up to a tenth of a pixel, this way and that. Ground may differ on the two sides (a court
 //! and its run-off do), which pulls a centroid but not this. Pixels are used as they are: nothing
 //! is interpolated, and the lens bends the model, not the picture.
 
@@ -22,7 +23,7 @@ const SIDE_PX: f64 = 3.5;
 /// Widest paint that is looked at; a wider one is too near to be sharp.
 const WIDTH_MAX_PX: f64 = 40.0;
 
-/// Paint must be brighter than both sides by this much, in grey levels and in sigmas of the fit.
+/// Paint must be brighter than both sides by this much, 0 to 255, and in sigmas of the fit.
 const CONTRAST_MIN: f64 = 6.0;
 const CONTRAST_SIGMAS: f64 = 6.0;
 
@@ -66,6 +67,8 @@ pub struct View<'a> {
     pub within_px: f64,
     /// Blur of an edge, px.
     pub blur_px: f64,
+    /// Every how many-th piece is looked at.
+    pub every: usize,
 }
 
 /// All pieces of some lines that are seen well enough.
@@ -73,14 +76,16 @@ pub struct View<'a> {
 pub fn from_view(view: &View<'_>, lines: &[Line]) -> Vec<Piece> {
     let mut pieces = Vec::new();
     for (line_idx, line) in lines.iter().enumerate() {
-        let mut part = 0.0;
+        let (mut part, mut n_windows) = (0.0, 0);
         while part < 1.0 && pieces.len() < N_PIECES_MAX {
             let Some((window, next)) = view.window(line, part) else {
                 // Not in the picture: a step on, as long as the shortest piece could be.
                 part += 0.05 / line.length_m();
                 continue;
             };
-            if let Some(piece) = view.piece(&window) {
+            n_windows += 1;
+            let is_looked_at = n_windows % view.every == 0;
+            if let Some(piece) = is_looked_at.then(|| view.piece(&window)).flatten() {
                 pieces.push(Piece { line_idx, part: 0.5 * (part + next), ..piece });
             }
             part = next;

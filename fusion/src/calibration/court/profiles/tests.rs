@@ -61,6 +61,7 @@ fn pieces_lie_where_the_lines_are_whatever_the_ground_on_either_side() {
         court_from_camera: &off,
         within_px: 2.0,
         blur_px: 0.35,
+        every: 1,
     };
     let pieces = from_view(&view, &lines);
     assert!(pieces.len() > 150, "{}", pieces.len());
@@ -100,6 +101,7 @@ fn a_picture_without_lines_has_no_pieces() {
         court_from_camera: &pose,
         within_px: 2.0,
         blur_px: 0.4,
+        every: 1,
     };
     let n = from_view(&view, &paint::lines(0.1, 0.05)).len();
     assert!(n < 3, "{n} pieces in noise");
