@@ -5,5 +5,7 @@
 //!
 //! Deliberately absent: files and printing; they are in `bin/calibrate`.
 
+pub mod chessboard;
 pub mod least_squares;
 pub mod picture;
+pub mod report;
