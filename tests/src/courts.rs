@@ -14,6 +14,7 @@ use fusion::Rig;
 use fusion::calibration::consequence;
 use fusion::calibration::court::{self, CourtCalibration, Settings};
 use fusion::calibration::picture::Picture;
+use fusion::calibration::prior::LensSigma;
 use nalgebra::{Point3, Rotation3, Vector2, Vector3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -38,19 +39,15 @@ const RAYS_PER_SIDE: usize = 9;
 pub struct Odds {
     /// 1 sigma of each end of each line.
     pub paint_sigma_m: f64,
-    /// Whether lenses are what the operator believes.
-    pub is_lens_known: bool,
+    /// How far the lenses are from what the operator believes.
+    pub lens: LensSigma,
 }
 
 impl Odds {
     /// What an operator would say of it.
     pub fn settings(&self) -> Settings {
-        let lens = if self.is_lens_known {
-            fusion::calibration::prior::LensSigma::EXACT
-        } else {
-            Settings::default().lens
-        };
-        Settings { paint_sigma_m: self.paint_sigma_m, lens, ..Settings::default() }
+        let Self { paint_sigma_m, lens } = *self;
+        Settings { paint_sigma_m, lens, ..Settings::default() }
     }
 }
 
@@ -62,7 +59,7 @@ pub fn scenario_from_seed(seed: u64, odds: &Odds) -> Scenario {
         *end_m = odds.paint_sigma_m * rng.sample::<f64, _>(StandardNormal);
     }
     for (side, x_m) in [(Side::Left, -2.0), (Side::Right, 2.0)] {
-        let camera = drawn_camera(&mut rng, x_m, odds.is_lens_known);
+        let camera = drawn_camera(&mut rng, x_m, &odds.lens);
         match side {
             Side::Left => scenario.rig.left = camera,
             Side::Right => scenario.rig.right = camera,
@@ -71,7 +68,7 @@ pub fn scenario_from_seed(seed: u64, odds: &Odds) -> Scenario {
     scenario
 }
 
-fn drawn_camera(rng: &mut impl Rng, x_m: f64, is_lens_known: bool) -> Camera {
+fn drawn_camera(rng: &mut impl Rng, x_m: f64, lens: &LensSigma) -> Camera {
     let mut spread = |half: f64| rng.random_range(-half..=half);
     let position = Point3::new(x_m + spread(0.4), spread(0.4), 3.5 + spread(0.6));
     let toe_in_rad = (6.0 + spread(1.2_f64)).to_radians() * -x_m.signum();
@@ -80,13 +77,12 @@ fn drawn_camera(rng: &mut impl Rng, x_m: f64, is_lens_known: bool) -> Camera {
     let mut camera = Camera::reference(position, toe_in_rad, pitch_rad);
     let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), roll_rad);
     camera.court_from_camera *= roll.matrix();
-    if !is_lens_known {
-        let mut normal = || rng.sample::<f64, _>(StandardNormal);
-        let scale = 1.0 + 3e-3 * normal();
-        camera.focal_px = camera.focal_px.map(|f| f * scale);
-        camera.center_px = camera.center_px.map(|c| c + 2.0 * normal());
-        camera.distortion[0] = 5e-3 * normal();
-    }
+    let mut normal = || rng.sample::<f64, _>(StandardNormal);
+    let scale = 1.0 + lens.focal * normal();
+    camera.focal_px = [camera.focal_px[0] * scale, camera.focal_px[1] * scale];
+    camera.focal_px[1] *= 1.0 + lens.aspect * normal();
+    camera.center_px = camera.center_px.map(|c| c + lens.center_px * normal());
+    camera.distortion[0] = lens.k1 * normal();
     camera
 }
 

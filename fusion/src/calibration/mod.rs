@@ -6,8 +6,10 @@
 //!
 //! Deliberately absent: files and printing; they are in `bin/calibrate`.
 
+pub mod chessboard;
 pub mod consequence;
 pub mod court;
 pub mod least_squares;
 pub mod picture;
 pub mod prior;
+pub mod report;

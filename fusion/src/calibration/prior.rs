@@ -6,9 +6,11 @@
 
 use crate::calibration::least_squares::Normal;
 use crate::solved;
-use crate::world::adjustment::{self, CAMERA, OPTICS, POSE, RIG, RigCovariance, first_of};
-use crate::world::rig::{Mounting, Rig};
-use nalgebra::{DMatrix, DVector, IsometryMatrix3, SMatrix};
+use crate::world::adjustment::{
+    self, OPTICS, POSE, RIG, RigCovariance, first_of, relation, relation_by_rig,
+};
+use crate::world::rig::Rig;
+use nalgebra::{DMatrix, DVector, SMatrix};
 use shm_layout::Camera;
 
 /// Numbers of two lenses.
@@ -132,59 +134,11 @@ impl Prior {
     }
 }
 
-/// The right camera's pose in the left one's frame.
-fn relation(rig: &Rig) -> IsometryMatrix3<f64> {
-    rig.right_from_left().inverse()
-}
-
-/// Derivative of the relation's step by a step of the rig.
-fn relation_by_rig(rig: &Rig) -> SMatrix<f64, POSE, RIG> {
-    let left_from_right = relation(rig);
-    let (turn, shift) = (left_from_right.rotation.matrix(), left_from_right.translation.vector);
-    let mut slope = SMatrix::<f64, POSE, RIG>::zeros();
-    let right = first_of(Camera::Right) + OPTICS;
-    slope.fixed_view_mut::<3, 3>(0, right).fill_with_identity();
-    if matches!(rig.mounting(), Mounting::Stereo { .. }) {
-        // The left camera is the frame of reference.
-        slope.fixed_view_mut::<3, 3>(3, right + 3).fill_with_identity();
-        return slope;
-    }
-    let left_from_court = rig.tracking_from(Camera::Left).rotation.matrix().transpose();
-    slope.fixed_view_mut::<3, 3>(3, right + 3).copy_from(&left_from_court);
-    let left = first_of(Camera::Left) + OPTICS;
-    slope.fixed_view_mut::<3, 3>(0, left).copy_from(&-turn.transpose());
-    slope.fixed_view_mut::<3, 3>(3, left).copy_from(&shift.cross_matrix());
-    slope.fixed_view_mut::<3, 3>(3, left + 3).copy_from(&-left_from_court);
-    slope
-}
-
-const _: () = assert!(CAMERA == OPTICS + POSE, "a camera is a lens and a pose");
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::pretend;
     use crate::world::adjustment::RigStep;
-
-    #[test]
-    fn the_relation_changes_as_its_slope_says() {
-        for rig in [pretend::reference_rig(), pretend::courtless_rig()] {
-            let slope = relation_by_rig(&rig);
-            for i in 0..RIG {
-                let after = |size: f64| {
-                    let mut step = RigStep::zeros();
-                    step[i] = size;
-                    let rig_after = rig.adjusted(&step).unwrap();
-                    adjustment::step_between(&relation(&rig), &relation(&rig_after))
-                };
-                let (plus, minus) = (after(1e-5), after(-1e-5));
-                for k in 0..POSE {
-                    let difference = (plus[k] - minus[k]) / 2e-5;
-                    assert!((difference - slope[(k, i)]).abs() < 1e-6, "{k} by {i}");
-                }
-            }
-        }
-    }
 
     #[test]
     fn a_lens_costs_what_it_is_off_in_sigmas() {

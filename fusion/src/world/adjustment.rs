@@ -101,6 +101,34 @@ pub fn slope_of_point(
     slope
 }
 
+/// The right camera's pose in the left one's frame.
+#[must_use]
+pub fn relation(rig: &Rig) -> IsometryMatrix3<f64> {
+    rig.right_from_left().inverse()
+}
+
+/// Derivative of a step of [`relation`] by a step of the rig.
+#[must_use]
+pub fn relation_by_rig(rig: &Rig) -> SMatrix<f64, POSE, RIG> {
+    let left_from_right = relation(rig);
+    let (turn, shift) = (left_from_right.rotation.matrix(), left_from_right.translation.vector);
+    let mut slope = SMatrix::<f64, POSE, RIG>::zeros();
+    let right = first_of(Camera::Right) + OPTICS;
+    slope.fixed_view_mut::<3, 3>(0, right).fill_with_identity();
+    if matches!(rig.mounting(), Mounting::Stereo { .. }) {
+        // The left camera is the frame of reference.
+        slope.fixed_view_mut::<3, 3>(3, right + 3).fill_with_identity();
+        return slope;
+    }
+    let left_from_court = rig.tracking_from(Camera::Left).rotation.matrix().transpose();
+    slope.fixed_view_mut::<3, 3>(3, right + 3).copy_from(&left_from_court);
+    let left = first_of(Camera::Left) + OPTICS;
+    slope.fixed_view_mut::<3, 3>(0, left).copy_from(&-turn.transpose());
+    slope.fixed_view_mut::<3, 3>(3, left).copy_from(&shift.cross_matrix());
+    slope.fixed_view_mut::<3, 3>(3, left + 3).copy_from(&-left_from_court);
+    slope
+}
+
 impl Rig {
     /// The step that leads from this rig to another: the inverse of [`Rig::adjusted`].
     #[must_use]
@@ -214,6 +242,26 @@ mod tests {
         let step = [0.01, -0.02, 0.03, 0.1, -0.2, 0.3];
         let back = step_between(&pose, &moved(&pose, &step));
         assert!(back.iter().zip(step).all(|(back, step)| (back - step).abs() < 1e-12));
+    }
+
+    #[test]
+    fn the_relation_changes_as_its_slope_says() {
+        for rig in [pretend::reference_rig(), pretend::courtless_rig()] {
+            let slope = relation_by_rig(&rig);
+            for i in 0..RIG {
+                let after = |size: f64| {
+                    let mut step = RigStep::zeros();
+                    step[i] = size;
+                    let rig_after = rig.adjusted(&step).unwrap();
+                    step_between(&relation(&rig), &relation(&rig_after))
+                };
+                let (plus, minus) = (after(1e-5), after(-1e-5));
+                for k in 0..POSE {
+                    let difference = (plus[k] - minus[k]) / 2e-5;
+                    assert!((difference - slope[(k, i)]).abs() < 1e-6, "{k} by {i}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use clap::Parser;
+use fusion::calibration::prior::LensSigma;
 use tests::courts::{self, Odds, Score};
 
 /// Sets rigs up, calibrates each from its pictures and says how wrong a bounce at the far baseline
@@ -21,9 +22,9 @@ struct Flags {
     /// 1 sigma of where each end of each line was painted.
     #[arg(long, default_value_t = 5.0)]
     paint_mm: f64,
-    /// The lenses are what the operator believes.
-    #[arg(long)]
-    known_lens: bool,
+    /// How far the lenses are from what the operator believes: as `calibrate court --lens`.
+    #[arg(long, value_enum, default_value_t = Lens::Rough)]
+    lens: Lens,
     /// Write the first rig's pictures and rig.toml here instead, with the guess beside them.
     #[arg(long, value_name = "DIR")]
     write: Option<PathBuf>,
@@ -32,9 +33,22 @@ struct Flags {
     verbose: bool,
 }
 
+/// [`LensSigma`] on the command line.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Lens {
+    Exact,
+    Rough,
+    Nominal,
+}
+
 fn main() -> anyhow::Result<()> {
     let flags = Flags::parse();
-    let odds = Odds { paint_sigma_m: 1e-3 * flags.paint_mm, is_lens_known: flags.known_lens };
+    let lens = match flags.lens {
+        Lens::Exact => LensSigma::EXACT,
+        Lens::Rough => LensSigma::ROUGH,
+        Lens::Nominal => LensSigma::NOMINAL,
+    };
+    let odds = Odds { paint_sigma_m: 1e-3 * flags.paint_mm, lens };
     if let Some(directory) = &flags.write {
         return courts::write(flags.seed, &odds, directory);
     }

@@ -1,5 +1,6 @@
 //! `calibrate`: pictures or balls in, rig.toml with its uncertainty out. One subcommand per method.
 
+mod chessboard;
 mod court;
 
 use clap::{Parser, Subcommand};
@@ -18,11 +19,13 @@ struct Flags {
 enum Method {
     /// From the court's white lines.
     Court(court::Args),
+    Chessboard(chessboard::Args),
 }
 
 fn run(flags: Flags) -> anyhow::Result<()> {
     match flags.method {
         Method::Court(args) => court::run(&args),
+        Method::Chessboard(args) => chessboard::run(&args),
     }
 }
 

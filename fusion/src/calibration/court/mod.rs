@@ -273,7 +273,8 @@ fn blur_of(
     const EVERY: usize = 4;
     let cost = |blur_px: f64| {
         let within_px = WITHIN_PX[0];
-        let view = View { picture: light, lens, court_from_camera, within_px, blur_px, every: EVERY };
+        let view =
+            View { picture: light, lens, court_from_camera, within_px, blur_px, every: EVERY };
         let pieces = profiles::from_view(&view, lines);
         let noise = |piece: &Piece| (piece.residual[0] / piece.residual[1]).sqrt() / piece.contrast;
         let mut noises: Vec<f64> = pieces.iter().map(noise).collect();
