@@ -8,6 +8,8 @@
 //! (`capture --background`). Grey levels are turned into light by the sRGB curve first. Net cord and posts are not used: their height is that of whoever set
 //! them up.
 
+#[cfg(test)]
+mod drawn;
 pub mod fitted;
 pub mod guess;
 pub mod paint;
@@ -300,3 +302,6 @@ fn blur_of(
     }
     (0.5 * (low + high)).exp()
 }
+
+#[cfg(test)]
+mod tests;

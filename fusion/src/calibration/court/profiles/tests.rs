@@ -1,58 +1,16 @@
 use super::*;
+use crate::calibration::court::drawn::seen_court;
 use crate::calibration::court::paint;
 use crate::pretend;
 use shm_layout::Camera;
-
-const PAINT: f64 = 200.0;
-const COURT: f64 = 70.0;
-const APRON: f64 = 110.0;
-
-/// The court as a camera sees it, 5x5 rays a pixel: paint, court inside of it, run-off outside.
-fn seen_court(lens: &Lens, pose: &IsometryMatrix3<f64>) -> Picture {
-    let lines = paint::lines(0.1, 0.05);
-    let [width, height] = lens.image_px().map(|side| side as usize);
-    let ground = |x: f64, y: f64| {
-        let on = lines.iter().any(|line| {
-            let (across, along) = match line.runs {
-                paint::Runs::Across => (y, x),
-                paint::Runs::Along => (x, y),
-            };
-            (across - line.middle_m).abs() < line.width_m / 2.0
-                && (line.span_m[0]..line.span_m[1]).contains(&along)
-        });
-        let is_inside = x.abs() < 5.485 && (0.0..23.77).contains(&y);
-        if on {
-            PAINT
-        } else if is_inside {
-            COURT
-        } else {
-            APRON
-        }
-    };
-    let luma = (0..width * height)
-        .map(|i| {
-            let mut sum = 0.0;
-            for sub in 0..25 {
-                let x_px = (i % width) as f64 + f64::from(sub % 5) * 0.2 - 0.4;
-                let y_px = (i / width) as f64 + f64::from(sub / 5) * 0.2 - 0.4;
-                let ray = pose.rotation * lens.ray_from_raw(RawPixel { x_px, y_px }).unwrap();
-                let reach = -pose.translation.z / ray.z;
-                let at = pose.translation.vector + ray * reach;
-                sum += if reach > 0.0 { ground(at.x, at.y) } else { 30.0 };
-            }
-            (sum / 25.0) as f32
-        })
-        .collect();
-    Picture::new(width, height, luma)
-}
 
 #[test]
 fn pieces_lie_where_the_lines_are_whatever_the_ground_on_either_side() {
     let rig = pretend::reference_rig();
     let pose = rig.tracking_from(Camera::Left);
     let lens = rig.eye(Camera::Left).lens;
-    let picture = seen_court(&lens, &pose);
     let lines = paint::lines(0.1, 0.05);
+    let picture = seen_court(&lens, &pose, &lines);
     // Expected a third of a pixel off, and found where they are all the same.
     let off = crate::world::adjustment::moved(&pose, &[2.5e-4, -2.5e-4, 0.0, 0.0, 0.0, 0.0]);
     let view = View {
