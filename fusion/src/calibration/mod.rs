@@ -5,5 +5,7 @@
 //!
 //! Deliberately absent: files and printing; they are in `bin/calibrate`.
 
+pub mod board;
+pub mod exchange;
 pub mod least_squares;
 pub mod picture;

@@ -1,5 +1,9 @@
 //! `calibrate`: pictures or balls in, rig.toml with its uncertainty out. One subcommand per method.
 
+mod board;
+mod export;
+mod import;
+
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -13,10 +17,21 @@ struct Flags {
 
 /// One each; see `calibrate METHOD --help`.
 #[derive(Debug, Subcommand)]
-enum Method {}
+enum Method {
+    /// Reads a rig that another tool calibrated: OpenCV, ROS, Kalibr.
+    Import(import::Args),
+    /// Writes a rig as OpenCV's FileStorage YAML.
+    Export(export::Args),
+    /// Draws a chessboard to print.
+    Board(board::Args),
+}
 
 fn run(flags: Flags) -> anyhow::Result<()> {
-    match flags.method {}
+    match flags.method {
+        Method::Import(args) => import::run(&args),
+        Method::Export(args) => export::run(&args),
+        Method::Board(args) => board::run(&args),
+    }
 }
 
 fn main() -> ExitCode {
