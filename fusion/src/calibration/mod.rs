@@ -9,3 +9,4 @@ pub mod board;
 pub mod exchange;
 pub mod least_squares;
 pub mod picture;
+pub mod siting;

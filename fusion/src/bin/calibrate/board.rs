@@ -60,8 +60,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if board.is_symmetric() {
         eprintln!(
             "note: turned upside down this board looks the same ({across} + {down} corners are an \
-             even number), so a view from its other side is taken for one from this side; {}x{down} \
-             would not",
+             even number), so a view from its other side is taken for one from this side; \
+             {}x{down} would not",
             across + 1
         );
     }

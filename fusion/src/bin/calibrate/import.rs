@@ -102,7 +102,7 @@ fn print_rig(rig: &Rig) {
     let turn = right_in_left.rotation.angle().to_degrees();
     let baseline_m = rig.right_from_left().translation.vector.norm();
     println!(
-        "  baseline {baseline_m:.4} m: the right camera is {x:.3} m to the right, {y:.3} m down and \
-         {z:.3} m ahead of the left one, turned by {turn:.2} degrees"
+        "  baseline {baseline_m:.4} m: the right camera is {x:.3} m to the right, {y:.3} m down \
+         and {z:.3} m ahead of the left one, turned by {turn:.2} degrees"
     );
 }

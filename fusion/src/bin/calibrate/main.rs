@@ -3,6 +3,7 @@
 mod board;
 mod export;
 mod import;
+mod siting;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -24,6 +25,8 @@ enum Method {
     Export(export::Args),
     /// Draws a chessboard to print.
     Board(board::Args),
+    /// Shows what cameras would see of the court, and how well they would measure.
+    Siting(siting::Args),
 }
 
 fn run(flags: Flags) -> anyhow::Result<()> {
@@ -31,6 +34,7 @@ fn run(flags: Flags) -> anyhow::Result<()> {
         Method::Import(args) => import::run(&args),
         Method::Export(args) => export::run(&args),
         Method::Board(args) => board::run(&args),
+        Method::Siting(args) => siting::run(&args),
     }
 }
 
