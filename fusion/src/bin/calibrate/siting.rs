@@ -56,6 +56,10 @@ pub struct Args {
 
 /// Computes, writes, and says the most important.
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    if let Some(path) = &args.out {
+        let is_svg = path.extension().is_some_and(|extension| extension == "svg");
+        anyhow::ensure!(is_svg, "{}: expected a name that ends in .svg", path.display());
+    }
     let rig = match &args.rig {
         Some(path) => rig_of(path)?,
         None => site(args)?.rig()?,
