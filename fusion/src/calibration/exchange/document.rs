@@ -62,6 +62,8 @@ impl Document {
         };
         let options = serde_saphyr::options! {
             with_snippet: false,
+            // A key `y` or `no` is a name, not a truth.
+            strict_booleans: true,
             non_finite_float_policy: NonFiniteFloatPolicy::PassThrough,
         };
         let root = serde_saphyr::from_str_with_options(&text, options)

@@ -91,6 +91,13 @@ fn kalibr_names_no_left_and_needs_none() {
 }
 
 #[test]
+fn what_is_not_asked_for_does_no_harm() {
+    let others = "  rolling: {y: 1, no: false, x: ~, on: .nan, t: [a, [1]]}\n";
+    let text = format!("{CAMCHAIN}{others}");
+    assert_is_the_rig_of_opencv(&of_both(&[&text], &Given::default()).unwrap().rig, 0.0);
+}
+
+#[test]
 fn an_exported_rig_comes_back() {
     let imported = of_both(&[INTRINSICS, EXTRINSICS], &GIVEN).unwrap().rig;
     for rig in [imported, pretend::courtless_rig()] {
