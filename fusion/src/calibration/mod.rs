@@ -6,10 +6,13 @@
 //!
 //! Deliberately absent: files and printing; they are in `bin/calibrate`.
 
+pub mod board;
 pub mod chessboard;
 pub mod consequence;
 pub mod court;
+pub mod exchange;
 pub mod least_squares;
 pub mod picture;
 pub mod prior;
 pub mod report;
+pub mod siting;

@@ -1,7 +1,11 @@
 //! `calibrate`: pictures or balls in, rig.toml with its uncertainty out. One subcommand per method.
 
+mod board;
 mod chessboard;
 mod court;
+mod export;
+mod import;
+mod siting;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -20,12 +24,24 @@ enum Method {
     /// From the court's white lines.
     Court(court::Args),
     Chessboard(chessboard::Args),
+    /// Reads a rig that another tool calibrated: OpenCV, ROS, Kalibr.
+    Import(import::Args),
+    /// Writes a rig as OpenCV's FileStorage YAML.
+    Export(export::Args),
+    /// Draws a chessboard to print.
+    Board(board::Args),
+    /// Shows what cameras would see of the court, and how well they would measure.
+    Siting(siting::Args),
 }
 
 fn run(flags: Flags) -> anyhow::Result<()> {
     match flags.method {
         Method::Court(args) => court::run(&args),
         Method::Chessboard(args) => chessboard::run(&args),
+        Method::Import(args) => import::run(&args),
+        Method::Export(args) => export::run(&args),
+        Method::Board(args) => board::run(&args),
+        Method::Siting(args) => siting::run(&args),
     }
 }
 
