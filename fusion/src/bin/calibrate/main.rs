@@ -1,6 +1,7 @@
 //! `calibrate`: pictures or balls in, rig.toml with its uncertainty out. One subcommand per method.
 
 mod chessboard;
+mod pictures;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
