@@ -1,17 +1,16 @@
 //! `calibrate chessboard`: pictures of a chessboard in, rig.toml out.
 
+use crate::pictures::{self, View, views_in, views_of};
 use anyhow::{Context as _, bail, ensure};
 use clap::ValueEnum;
 use fusion::calibration::chessboard::bundle::Terms;
 use fusion::calibration::chessboard::corners::{self, Corners};
 use fusion::calibration::chessboard::together::{self, Together};
 use fusion::calibration::chessboard::{Board, MAX_VIEWS, alone};
-use fusion::calibration::picture::Picture;
 use fusion::calibration::report::{self, CameraReport, PairReport, Refused, Report};
 use fusion::world::adjustment::{NAMES, OPTICS, name_of};
 use fusion::world::camera::{Lens, RawPixel};
-use shm_layout::{Camera, MAX_SIDE_PX};
-use std::collections::BTreeMap;
+use shm_layout::Camera;
 use std::path::{Path, PathBuf};
 
 /// Distance at which the report says what the sigmas mean: the far baseline.
@@ -85,12 +84,6 @@ fn counts_from(text: &str) -> Result<[usize; 2], String> {
     counts.ok_or_else(|| "expected two counts of inner corners, like 9x6".to_owned())
 }
 
-/// A view's name, and its files.
-struct View {
-    name: String,
-    files: [Option<PathBuf>; 2],
-}
-
 /// What a picture showed, and its size.
 type Found = (Result<Corners, corners::Refusal>, [u32; 2]);
 
@@ -121,52 +114,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Pictures of a folder by the number in their names.
-fn views_in(folder: &Path) -> anyhow::Result<Vec<View>> {
-    let mut by_number: BTreeMap<u64, [Option<PathBuf>; 2]> = BTreeMap::new();
-    let entries = std::fs::read_dir(folder).with_context(|| format!("{}", folder.display()))?;
-    for entry in entries {
-        let path = entry?.path();
-        let [Some(stem), Some(kind)] =
-            [path.file_stem(), path.extension()].map(|part| part.and_then(|p| p.to_str()))
-        else {
-            continue;
-        };
-        let is_picture = ["jpg", "jpeg", "png", "pgm"].contains(&kind.to_lowercase().as_str());
-        let camera = Camera::BOTH.into_iter().find(|camera| stem.starts_with(camera.name()));
-        let (true, Some(camera)) = (is_picture, camera) else { continue };
-        let number = stem[camera.name().len()..].trim_start_matches(['_', '-']);
-        let Ok(number) = number.parse() else { continue };
-        let file = &mut by_number.entry(number).or_default()[camera.idx()];
-        if let Some(other) = file {
-            bail!("{} and {} have the same number", other.display(), path.display());
-        }
-        *file = Some(path);
-    }
-    let expected = "expected pictures like left01.jpg and right01.jpg";
-    ensure!(!by_number.is_empty(), "{}: {expected}", folder.display());
-    Ok(by_number
-        .into_iter()
-        .map(|(number, files)| View { name: format!("{number:02}"), files })
-        .collect())
-}
-
-/// Pictures as listed.
-fn views_of(left: &[PathBuf], right: &[PathBuf]) -> anyhow::Result<Vec<View>> {
-    let (n_left, n_right) = (left.len(), right.len());
-    ensure!(
-        n_right == 0 || n_left == n_right,
-        "{n_left} pictures of --left, {n_right} of --right: expected as many"
-    );
-    let name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
-    Ok((0..n_left)
-        .map(|i| View {
-            name: name(&left[i]).unwrap_or_default(),
-            files: [Some(left[i].clone()), right.get(i).cloned()],
-        })
-        .collect())
-}
-
 /// Reads and searches all pictures, on all cores.
 fn found_in(views: &[View], board: &Board) -> anyhow::Result<Vec<[Option<Found>; 2]>> {
     let n_threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -194,19 +141,9 @@ fn found_in(views: &[View], board: &Board) -> anyhow::Result<Vec<[Option<Found>;
 }
 
 fn corners_in(file: &Path, board: &Board) -> anyhow::Result<Found> {
-    let place = || file.display().to_string();
-    let mut reader = image::ImageReader::open(file)
-        .with_context(place)?
-        .with_guessed_format()
-        .with_context(place)?;
-    let mut limits = image::Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE_PX), Some(MAX_SIDE_PX));
-    reader.limits(limits);
-    let luma = reader.decode().with_context(place)?.into_luma8();
-    let (width, height) = luma.dimensions();
-    let pixels = luma.into_raw().into_iter().map(f32::from).collect();
-    let picture = Picture::new(width as usize, height as usize, pixels);
-    Ok((corners::from_picture(&picture, board), [width, height]))
+    let picture = pictures::read(file)?;
+    let size = [picture.width_px() as u32, picture.height_px() as u32];
+    Ok((corners::from_picture(&picture, board), size))
 }
 
 /// The size of all pictures of a camera.

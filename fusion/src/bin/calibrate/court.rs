@@ -1,16 +1,16 @@
 //! `calibrate court`: two pictures of the empty court in, rig.toml out.
 
+use crate::pictures;
 use anyhow::Context as _;
 use clap::ValueEnum;
 use fusion::Rig;
 use fusion::calibration::consequence;
 use fusion::calibration::court::guess::Range;
 use fusion::calibration::court::{self, CourtCalibration, Settings};
-use fusion::calibration::picture::Picture;
 use fusion::calibration::prior::LensSigma;
 use fusion::calibration::report::{self, CameraReport, PairReport, Refused, Report};
 use shm_layout::Camera;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The court's white lines in one averaged picture of each camera, to where the cameras stand.
 ///
@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let text =
         std::fs::read_to_string(&args.rig).with_context(|| args.rig.display().to_string())?;
     let start = Rig::from_file_text(&args.rig.display().to_string(), &text)?;
-    let pictures = [picture(&args.left)?, picture(&args.right)?];
+    let pictures = [pictures::read(&args.left)?, pictures::read(&args.right)?];
     let found = court::from_pictures(pictures.each_ref(), &start, &settings)?;
     let report = report_of(&found);
     print!("{}", words(&found, &report));
@@ -101,13 +101,6 @@ fn settings_of(args: &Args) -> anyhow::Result<Settings> {
         others_m: 1e-3 * args.line_mm,
         paint_sigma_m: 1e-3 * args.paint_mm,
     })
-}
-
-fn picture(file: &Path) -> anyhow::Result<Picture> {
-    let image = image::open(file).with_context(|| file.display().to_string())?.into_luma16();
-    let (width, height) = image.dimensions();
-    let luma = image.into_raw().into_iter().map(|grey| f32::from(grey) / 257.0).collect();
-    Ok(Picture::new(width as usize, height as usize, luma))
 }
 
 fn report_of(found: &CourtCalibration) -> Report {

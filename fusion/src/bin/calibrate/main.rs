@@ -5,6 +5,7 @@ mod chessboard;
 mod court;
 mod export;
 mod import;
+mod pictures;
 mod siting;
 
 use clap::{Parser, Subcommand};
@@ -21,9 +22,8 @@ struct Flags {
 /// One each; see `calibrate METHOD --help`.
 #[derive(Debug, Subcommand)]
 enum Method {
-    /// From the court's white lines.
-    Court(court::Args),
     Chessboard(chessboard::Args),
+    Court(court::Args),
     /// Reads a rig that another tool calibrated: OpenCV, ROS, Kalibr.
     Import(import::Args),
     /// Writes a rig as OpenCV's FileStorage YAML.

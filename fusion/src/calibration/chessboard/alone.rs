@@ -18,7 +18,7 @@ use shm_layout::Camera;
 pub const OUTLIER_MIN: f64 = 3.0;
 
 /// Below this RMS no view is an outlier, px.
-pub const OUTLIER_MIN_PX: f64 = 0.15;
+pub const OUTLIER_MIN_PX: f64 = 0.3;
 
 /// Focal lengths tried where the views do not tell one, in image widths.
 const FOCAL_GUESSES: [f64; 5] = [0.6, 1.0, 2.0, 4.0, 8.0];

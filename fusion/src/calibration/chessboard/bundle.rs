@@ -241,3 +241,41 @@ impl Problem for Bundle<'_> {
         next
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Board, drawn};
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    #[test]
+    fn the_gradient_is_that_of_differences() {
+        let board = Board::new([4, 3], 0.3).unwrap();
+        let lenses = [[-0.2, 0.1, 1e-3, -1e-3, 0.1]; 2].map(drawn::lens);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let (state, views) = drawn::pair(&board, lenses, 3, 1.0, &mut rng);
+        let seen = |camera: &Option<Vec<RawPixel>>| camera.clone();
+        let views: Vec<[Option<Vec<RawPixel>>; 2]> =
+            views.iter().map(|[left, right]| [seen(left), seen(right)]).collect();
+        let bundle = Bundle {
+            points_m: board.points_m(),
+            views: views.iter().map(|[l, r]| [l.as_deref(), r.as_deref()]).collect(),
+            terms: [Terms::All; 2],
+            is_pair: true,
+            sigma_px: 2.0,
+        };
+        let system = bundle.system(&state).unwrap();
+        for i in 0..bundle.n_unknowns() {
+            let cost_after = |size: f64| {
+                let mut step = vec![0.0; bundle.n_unknowns()];
+                step[i] = size;
+                bundle.system(&bundle.moved(&state, &step)).unwrap().cost
+            };
+            let size = 1e-6;
+            let difference = (cost_after(size) - cost_after(-size)) / (2.0 * size);
+            let off = (difference - system.gradient[i]).abs();
+            assert!(off < 1e-4 * (1.0 + difference.abs()), "{i}: {difference} {off}");
+        }
+    }
+}

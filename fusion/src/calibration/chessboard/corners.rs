@@ -31,7 +31,13 @@ const MISSING_MAX: f64 = 0.2;
 const LINE_MIN: f64 = 0.6;
 
 /// Sigma of the blur in sides of a square: beyond it neighbouring corners melt into one.
-const BLUR_MAX: f64 = 0.22;
+const BLUR_MAX: f64 = 0.27;
+
+/// A corner is this near its saddle, in pixels of the size that showed it.
+const SADDLE_OFF_MAX: f64 = 2.0;
+
+/// A corner that the lattice missed is this near its guess, in sides of a square.
+const GUESS_OFF_MAX: f64 = 0.25;
 
 /// A board that was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -106,7 +112,7 @@ pub fn from_picture(picture: &Picture, board: &Board) -> Result<Corners, Refusal
         for saddle in &mut found {
             (saddle.x_px, saddle.y_px) = (enlarged(saddle.x_px), enlarged(saddle.y_px));
         }
-        match from_saddles(picture, &found, board) {
+        match from_saddles(picture, &found, SADDLE_OFF_MAX * factor, board) {
             Ok(corners) => return Ok(corners),
             Err(refusal) if rank(&refusal) > rank(&best) => best = refusal,
             Err(_) => {}
@@ -124,7 +130,13 @@ fn rank(refusal: &Refusal) -> usize {
     }
 }
 
-fn from_saddles(picture: &Picture, saddles: &[Saddle], board: &Board) -> Result<Corners, Refusal> {
+/// Corners are at most `off_max_px` from their saddles.
+fn from_saddles(
+    picture: &Picture,
+    saddles: &[Saddle],
+    off_max_px: f64,
+    board: &Board,
+) -> Result<Corners, Refusal> {
     let lattice = grid::from_saddles(saddles, board.n_corners());
     if lattice.len() < 4 {
         return Err(Refusal::NoBoard);
@@ -135,12 +147,16 @@ fn from_saddles(picture: &Picture, saddles: &[Saddle], board: &Board) -> Result<
     let mut corners: Vec<Corner> = Vec::with_capacity(order.len());
     for (i, guess) in guesses.iter().enumerate() {
         let side_px = side_at(&guesses, board, i);
-        let edges_rad = lattice.get(&order[i]).map_or_else(
-            || edges_between(&guesses, board, i, laid.is_bright_before(order[i])),
-            |&found| saddles[found].edges_rad,
-        );
+        let (edges_rad, off_max_px) = match lattice.get(&order[i]) {
+            Some(&found) => (saddles[found].edges_rad, off_max_px),
+            None => {
+                let is_bright_before = laid.is_bright_before(order[i]);
+                let edges_rad = edges_between(&guesses, board, i, is_bright_before);
+                (edges_rad, GUESS_OFF_MAX * side_px)
+            }
+        };
         let guess = RawPixel { x_px: guess.x, y_px: guess.y };
-        corners.extend(corner_near(picture, guess, edges_rad, side_px));
+        corners.extend(corner_near(picture, guess, off_max_px, edges_rad, side_px));
     }
     if corners.len() < order.len() {
         let n_found = corners.len();
@@ -302,3 +318,6 @@ fn edges_between(
     // Bright is from the first edge to the second, clockwise.
     if is_bright_before { [along, down] } else { [down, along + std::f64::consts::PI] }
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,6 +8,8 @@
 pub mod alone;
 pub mod bundle;
 pub mod corners;
+#[cfg(test)]
+mod drawn;
 pub mod grid;
 pub mod homography;
 pub mod saddles;
@@ -138,5 +140,25 @@ impl Board {
             (row > 0).then(|| i - self.columns),
             (row + 1 < self.rows).then_some(i + self.columns),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_board_nobody_can_use_is_refused() {
+        for (corners, square_m, says) in [
+            ([2, 6], 0.025, "6x2 corners, expected 3 to 40"),
+            ([9, 41], 0.025, "41x9 corners, expected 3 to 40"),
+            ([7, 7], 0.025, "7x7 corners, expected different counts"),
+            ([9, 6], f64::NAN, "NaN m squares, expected sides"),
+            ([9, 6], -1.0, "-1 m squares, expected sides"),
+        ] {
+            let error = Board::new(corners, square_m).unwrap_err().to_string();
+            assert!(error.contains(says), "{error}");
+        }
+        assert_eq!(Board::new([6, 9], 0.025).unwrap(), Board::new([9, 6], 0.025).unwrap());
     }
 }

@@ -53,12 +53,12 @@ pub struct Saddle {
 /// The saddles of a picture, strongest first.
 #[must_use]
 pub fn from_picture(picture: &Picture) -> Vec<Saddle> {
-    let smooth = smoothed(picture, SMOOTHING_PX);
-    let (width, height) = (smooth.width_px(), smooth.height_px());
+    let (width, height) = (picture.width_px(), picture.height_px());
     let margin = RING_PX.ceil() as usize + 1;
     if width <= 2 * margin || height <= 2 * margin {
         return Vec::new();
     }
+    let smooth = smoothed(picture, SMOOTHING_PX);
     let strength = strength_of(&smooth);
     let mut peaks = Vec::new();
     for y in margin..height - margin {

@@ -124,11 +124,10 @@ pub fn fitted(
     let rig = rig_from(&fit.state)?.with_covariance(covariance_from(&bundle, &fit.covariance))?;
     let (baseline_m, baseline_sigma_m) = baseline_of(&rig);
     let camera_rms_px = Camera::BOTH.map(|camera| bundle.rms_of_all_px(&fit.state, Some(camera)));
-    let both: Vec<usize> =
-        used.into_iter().filter(|&v| views[v].iter().all(Option::is_some)).collect();
+    let used: Vec<usize> = used.into_iter().filter(|&view| is_pair(&alone, view)).collect();
     Ok(Together {
-        row_error_rms_px: row_error_rms_px(&rig, both.iter().map(|&view| &views[view])),
-        used: both.into_iter().filter(|&view| is_pair(&alone, view)).collect(),
+        row_error_rms_px: row_error_rms_px(&rig, used.iter().map(|&view| &views[view])),
+        used,
         refused,
         turned,
         terms: bundle.terms,
@@ -287,3 +286,6 @@ fn row_error_rms_px<'a>(
     }
     (squares / f64::max(n, 1.0)).sqrt()
 }
+
+#[cfg(test)]
+mod tests;
