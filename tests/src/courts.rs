@@ -21,7 +21,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use crate::accuracy::figures;
-use crate::background::Background;
+use crate::background::{Background, Rays};
 use crate::camera::{Camera, Side};
 use crate::renderer::Renderer;
 use crate::scenario::Scenario;
@@ -30,9 +30,6 @@ use crate::truth::Truth;
 
 /// Frames in an average: half a second.
 const N_FRAMES: u64 = 45;
-
-/// A far line is half a pixel thin: where five rays a side find its middle depends on the rays.
-const RAYS_PER_SIDE: usize = 9;
 
 /// What varies from rig to rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,7 +85,7 @@ fn drawn_camera(rng: &mut impl Rng, x_m: f64, lens: &LensSigma) -> Camera {
 
 /// The average of some frames of the empty court.
 pub fn picture_from(scenario: &Scenario, side: Side) -> Picture {
-    let background = Arc::new(Background::from_rays(scenario, side, RAYS_PER_SIDE));
+    let background = Arc::new(Background::from_rays(scenario, side, Rays::Shifted));
     let truth = Truth::from_scenario(scenario);
     let renderer = Renderer::before(background, scenario, &truth, side);
     let Camera { width_px, height_px, .. } = *renderer.camera();
