@@ -1,6 +1,6 @@
 //! What a shot is measured as, against its truth. Errors are printed as well as asserted.
 
-use crate::run::{have, numbers, shared, shots_of, simulated, track, turn, words};
+use crate::run::{blender_a, have, numbers, shared, shots_of, simulated, track, turn, words};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -10,12 +10,12 @@ const MAX_ERROR_M: f64 = 0.010;
 /// Of ten simulated shots: mean, and worst.
 const MAX_SIMULATED_M: [f64; 2] = [0.005, 0.015];
 
-fn json_from(path: &Path) -> Value {
+pub fn json_from(path: &Path) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
 /// Distance on the ground between the measured and the true bounce; prints both.
-fn bounce_error_m(name: &str, shots: &Value, truth_m: &[f64]) -> f64 {
+pub fn bounce_error_m(name: &str, shots: &Value, truth_m: &[f64]) -> f64 {
     let list = shots["shots"].as_array().unwrap();
     assert_eq!(list.len(), 1, "{name}: one ball was served");
     assert_eq!(list[0]["outcome"], "measured", "{name}");
@@ -49,12 +49,8 @@ fn n_lines(path: &Path) -> usize {
 
 #[test]
 fn an_independently_rendered_thesis_shot_is_measured_within_a_centimetre() {
-    let Some(unpack) = shared("data/unpack") else { return };
+    let Some(folder) = blender_a() else { return };
     let _turn = turn();
-    let folder = tempfile::tempdir().unwrap();
-    let unpacked =
-        Command::new(python_with_numpy()).arg(unpack).arg(folder.path()).status().unwrap();
-    assert!(unpacked.success(), "unpack needs zstd: scripts/setup test");
     let shots = shots_of(folder.path(), &[]);
     check_every_frame_is_accounted_for(&shots, [157, 157]);
     let truth = json_from(&folder.path().join("truth.json"));
@@ -103,15 +99,6 @@ fn the_demo_measures_what_it_serves() {
     println!("{said}");
     assert!(demo.status.success(), "{}", words(&demo));
     assert!(said.contains("2 of 2 shots measured"), "{said}");
-}
-
-/// A python3 of one's own need not see Debian's numpy.
-fn python_with_numpy() -> &'static str {
-    let has_numpy = |python: &&str| {
-        let import = Command::new(python).args(["-c", "import numpy"]).output();
-        import.is_ok_and(|output| output.status.success())
-    };
-    ["python3", "/usr/bin/python3"].into_iter().find(has_numpy).expect("scripts/setup test")
 }
 
 /// The 43 frames without a ball are played first, to learn the background from.

@@ -1,11 +1,11 @@
 //! `calibrate chessboard` on pictures that others took and rendered.
 
-use crate::run::{numbers, shared, simulated, track, turn, words};
+use crate::run::{numbers, run, shared, simulated, track, turn, words};
 use fusion::Rig;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 /// The target directory, of which the test's own binary stands in `release/deps`.
 fn target() -> PathBuf {
@@ -23,10 +23,7 @@ fn opencv_pictures() -> Option<PathBuf> {
 }
 
 fn calibrate(arguments: &[&str]) -> Output {
-    let here = std::env::current_exe().unwrap();
-    let binary = here.parent().unwrap().parent().unwrap().join("calibrate");
-    let run = Command::new(&binary).arg("chessboard").args(arguments).output();
-    run.unwrap_or_else(|why| panic!("{}: {why} (scripts/test builds it)", binary.display()))
+    run("calibrate", &[&["chessboard"], arguments].concat())
 }
 
 /// The report, and the rig that was written.

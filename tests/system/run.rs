@@ -26,6 +26,32 @@ pub fn shots_of(folder: &Path, flags: &[&str]) -> Value {
     serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap()
 }
 
+/// One of the rooms' own binaries; it stands beside those of the tests.
+pub fn run(binary: &str, arguments: &[&str]) -> Output {
+    let here = std::env::current_exe().unwrap();
+    let binary = here.parent().unwrap().parent().unwrap().join(binary);
+    let run = Command::new(&binary).args(arguments).output();
+    run.unwrap_or_else(|why| panic!("{}: {why} (scripts/test builds it)", binary.display()))
+}
+
+/// The independently rendered shot of the thesis, unpacked to a new folder.
+pub fn blender_a() -> Option<tempfile::TempDir> {
+    let unpack = shared("data/unpack")?;
+    let folder = tempfile::tempdir().unwrap();
+    let status = Command::new(python_with_numpy()).arg(unpack).arg(folder.path()).status();
+    assert!(status.unwrap().success(), "unpack needs zstd: scripts/setup test");
+    Some(folder)
+}
+
+/// A python3 of one's own need not see Debian's numpy.
+fn python_with_numpy() -> &'static str {
+    let has_numpy = |python: &&str| {
+        let import = Command::new(python).args(["-c", "import numpy"]).output();
+        import.is_ok_and(|output| output.status.success())
+    };
+    ["python3", "/usr/bin/python3"].into_iter().find(has_numpy).expect("scripts/setup test")
+}
+
 /// What a process said.
 pub fn words(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()

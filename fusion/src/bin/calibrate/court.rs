@@ -38,7 +38,7 @@ pub struct Args {
     #[arg(long, value_name = "MM", default_value_t = 50.0)]
     line_mm: f64,
     /// How well lines were painted: 1 sigma of where an end of one lies.
-    #[arg(long, value_name = "MM", default_value_t = 5.0)]
+    #[arg(long, value_name = "MM", default_value_t = 5.0, allow_hyphen_values = true)]
     paint_mm: f64,
     /// Where the rig.toml goes.
     #[arg(long, value_name = "FILE")]

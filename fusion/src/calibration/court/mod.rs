@@ -61,7 +61,10 @@ impl Default for Settings {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refused {
     /// The picture is not of the camera the rig describes.
-    #[error("the {camera} picture is {got:?}, the rig's camera has {expected:?}")]
+    #[error(
+        "the {camera} picture is {}x{}, the rig's camera has {}x{}",
+        got[0], got[1], expected[0], expected[1]
+    )]
     Size {
         /// Whose.
         camera: Camera,

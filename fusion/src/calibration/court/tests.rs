@@ -156,7 +156,7 @@ fn a_picture_without_lines_is_refused() {
     }
     let small = Picture::new(320, 240, vec![90.0; 320 * 240]);
     let refused = found(&[small.clone(), small], &rig).unwrap_err().to_string();
-    assert_eq!(refused, "the left picture is [320, 240], the rig's camera has [640, 480]");
+    assert_eq!(refused, "the left picture is 320x240, the rig's camera has 640x480");
 }
 
 #[test]
