@@ -1,10 +1,10 @@
 //! What one camera saw of the board -> its lens, and the board's pose in every view.
 //!
 //! Zhang's start, then the most likely lens and poses. Views that fit [`OUTLIER_MIN`] times worse
-//! than the median one are refused, the worst first. How many distortion terms are fitted is decided
-//! by the data unless told: those for which Schwarz' criterion is least, so a term stays if it makes
-//! χ² smaller by more than the logarithm of the number of measurements, about three sigma. A narrow
-//! lens does not show p1, p2, k2, k3 and they would only blur the rest.
+//! than the median one are refused, the worst first. How many distortion terms are fitted is
+//! decided by the data unless told: those for which Schwarz' criterion is least, so a term stays if
+//! it makes χ² smaller by more than the logarithm of the number of measurements, about three sigma.
+//! A narrow lens does not show p1, p2, k2, k3 and they would only blur the rest.
 
 use super::super::least_squares::{Patience, Solution, solution};
 use super::bundle::{Bundle, State, Terms};
