@@ -20,7 +20,8 @@
 //! [`label_file`], made on the page that [`labelling`] serves to itself alone ([`sender`]).
 //! [`evaluation`] and [`overlay`] say and show how well balls are found there.
 //!
-//! [`accuracy`] says how well `fusion` measures shots, from candidates and from pixels.
+//! [`accuracy`] says how well `fusion` measures shots, from candidates and from pixels; [`bumped`]
+//! how soon it notices that a camera was turned.
 //!
 //! Deliberately absent: any code shared with the estimator. Physics and projection are written
 //! anew here, so that both can only agree by both being right.
@@ -116,3 +117,5 @@ pub mod scene_table;
 pub mod contact_sheet;
 
 pub mod accuracy;
+
+pub mod bumped;
