@@ -52,6 +52,15 @@ impl Belief {
         Some(Self { mean: self.mean - root * (root.transpose() * pull), root })
     }
 
+    /// The same of a rig that was changed by a step meanwhile.
+    #[must_use]
+    pub fn about(&self, step: &RigStep) -> Self {
+        let mut moved = self.clone();
+        let mut rig = moved.mean.fixed_rows_mut::<RIG>(0);
+        rig -= step;
+        moved
+    }
+
     /// The most likely change of the shared numbers.
     #[must_use]
     pub fn mean(&self) -> &SharedColumn {

@@ -6,7 +6,9 @@
 //!
 //! Deliberately absent: files and printing; they are in `bin/calibrate`.
 
+pub mod ball;
 pub mod belief;
 pub mod consequence;
 pub mod least_squares;
 pub mod picture;
+pub mod report;

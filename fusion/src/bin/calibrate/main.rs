@@ -1,5 +1,7 @@
 //! `calibrate`: pictures or balls in, rig.toml with its uncertainty out. One subcommand per method.
 
+mod ball;
+
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -13,10 +15,14 @@ struct Flags {
 
 /// One each; see `calibrate METHOD --help`.
 #[derive(Debug, Subcommand)]
-enum Method {}
+enum Method {
+    Ball(ball::Args),
+}
 
 fn run(flags: Flags) -> anyhow::Result<()> {
-    match flags.method {}
+    match flags.method {
+        Method::Ball(args) => ball::run(&args),
+    }
 }
 
 fn main() -> ExitCode {
