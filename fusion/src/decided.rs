@@ -7,12 +7,13 @@
 
 use crate::clock::Clock;
 use crate::flight::Flight;
+use crate::flight::evidence::Evidence;
 use crate::history::History;
 use crate::motion::{World, later_ns};
 use crate::path::{self, Path, Terms};
 use crate::quadratic;
 use crate::rectified::Sighting;
-use crate::shot::{self, Rejection, Shot, Verdict};
+use crate::shot::{self, Outcome, Rejection, Shot, Verdict};
 use crate::tracklets::{SILENCE_S, Tracklet, Tracklets};
 use crate::world::ball::State;
 use crate::world::rectification::Rectification;
@@ -41,6 +42,8 @@ const WORTH_MIN: f64 = 30.0;
 pub struct Decider {
     /// Of the last shot.
     told: Vec<Sighting>,
+    /// Of the shots that the last call gave out.
+    evidence: Vec<Evidence>,
     rejected: Rejected,
 }
 
@@ -49,6 +52,12 @@ impl Decider {
     #[must_use]
     pub fn rejected(&self) -> Rejected {
         self.rejected
+    }
+
+    /// What the shots of the last call say of the rig: one each, if both cameras saw it fly.
+    #[must_use]
+    pub fn evidence(&self) -> &[Evidence] {
+        &self.evidence
     }
 
     /// Takes out what has ended; gives out what is decided. Without a time all is.
@@ -62,6 +71,7 @@ impl Decider {
         clock: &mut Clock,
     ) -> Vec<Shot> {
         let mut shots = Vec::new();
+        self.evidence.clear();
         for tracklet in &mut tracklets.all {
             let is_over = now_ns.is_none_or(|now_ns| tracklet.is_due(now_ns));
             if tracklet.is_told || !(is_over || tracklet.has_bounced()) {
@@ -128,8 +138,10 @@ impl Decider {
                 quadratic::from_points(&points, terms.world.rig)
             }
         };
-        if matches!(verdict, Verdict::Shot(_)) {
+        if let Verdict::Shot(shot) = &verdict {
             self.told = path.sightings;
+            let is_whole = matches!(shot.outcome, Outcome::Measured | Outcome::NoBounceSeen);
+            self.evidence.extend(path.evidence.filter(|_| is_whole).map(|evidence| *evidence));
         }
         Judgement::Now(verdict)
     }

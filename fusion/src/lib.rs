@@ -6,7 +6,8 @@
 //! order of time), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`] ([`lone`]
 //! if one camera is silent), [`motion`] and [`tracklets`], [`look`] and [`path`], [`flight`],
 //! [`launch`] and [`shot`], [`decided`], and how they leave, [`shots_json`] and [`message`].
-//! [`clock`] carries what shots say of the cameras' clocks; [`quadratic`] is the thesis' way to
+//! [`clock`] carries what shots say of the cameras' clocks, [`watch`] what they say of the rig that
+//! [`calibration`] has made; [`quadratic`] is the thesis' way to
 //! measure. [`Fusion`] is all of it. [`mod@reference`] is what a ball machine's settings should
 //! have given, and how a shot differs.
 //!
@@ -46,6 +47,7 @@ pub mod shot;
 pub mod shots_json;
 mod solved;
 pub mod tracklets;
+pub mod watch;
 pub mod world;
 
 pub use candidates::{FrameCandidates, Gather};
@@ -56,6 +58,7 @@ pub use shot::{Outcome, Shot};
 pub use world::rig::Rig;
 
 use clock::Clock;
+use flight::evidence::Evidence;
 use history::History;
 use matched::Period;
 use merged::Merge;
@@ -64,11 +67,15 @@ use path::Terms;
 use rectified::RectifiedFrame;
 use shm_layout::{Camera, StampNs};
 use shot::ClockOffset;
+use watch::{Alarm, Watch};
 use world::ball::Physics;
 use world::rectification::Rectification;
 
 /// Backward frames in a row after which it is the last forward one that was wrong.
 const N_BACKWARD_MAX: u32 = 16;
+
+/// Alarms that are kept for somebody to ask.
+const N_ALARMS_MAX: usize = 16;
 
 /// The last frame of a camera, and the frames dropped since because they were before it.
 struct Last {
@@ -92,6 +99,9 @@ pub struct Fusion {
     tracklets: tracklets::Tracklets,
     decider: decided::Decider,
     clock: Clock,
+    watch: Watch,
+    alarms: Vec<Alarm>,
+    evidence: Vec<Evidence>,
     now_ns: StampNs,
     dropped: Dropped,
 }
@@ -103,6 +113,7 @@ impl Fusion {
         let air_density_kg_m3 = settings.air_density_kg_m3;
         Self {
             rectification: Rectification::from_rig(&rig),
+            watch: Watch::new(&rig),
             physics: Physics { air_density_kg_m3, ..rig.physics() },
             rig,
             settings,
@@ -114,6 +125,8 @@ impl Fusion {
             tracklets: tracklets::Tracklets::default(),
             decider: decided::Decider::default(),
             clock: Clock::default(),
+            alarms: Vec::new(),
+            evidence: Vec::new(),
             now_ns: 0,
             dropped: Dropped::default(),
         }
@@ -124,6 +137,7 @@ impl Fusion {
     /// A frame of another recording than its camera's last ends the stream first, as
     /// [`Fusion::finish`] does; so does a clock that was set back for good.
     pub fn update(&mut self, camera: Camera, frame: &FrameCandidates) -> Vec<Shot> {
+        self.evidence.clear();
         let mut shots = Vec::new();
         if let Some(last) = &mut self.last[camera.idx()] {
             let is_new = last.recording_id != frame.recording_id;
@@ -135,7 +149,7 @@ impl Fusion {
                 }
             }
             if is_new || last.n_backward >= N_BACKWARD_MAX {
-                shots = self.finish();
+                shots = self.finished();
             }
         }
         let FrameCandidates { recording_id, exposed_ns, .. } = *frame;
@@ -153,6 +167,11 @@ impl Fusion {
 
     /// The recording is over: decides what is left, and is ready for another one.
     pub fn finish(&mut self) -> Vec<Shot> {
+        self.evidence.clear();
+        self.finished()
+    }
+
+    fn finished(&mut self) -> Vec<Shot> {
         let mut shots = Vec::new();
         for frame in self.merge.finish() {
             shots.extend(self.tracked(frame));
@@ -199,14 +218,49 @@ impl Fusion {
         let world = World { rig: &self.rig, physics: &self.physics, clock_s };
         let Settings { ground_sigma_m, bias_sigma_px, .. } = self.settings;
         let terms = Terms { world, ground_sigma_m, bias_sigma_px };
-        self.decider.update(
+        let shots = self.decider.update(
             &mut self.tracklets,
             now_ns,
             &self.history,
             &terms,
             (&self.rectification, self.settings.fit),
             &mut self.clock,
-        )
+        );
+        self.watched();
+        shots
+    }
+
+    /// Holds the rig against what the last shots say of it.
+    fn watched(&mut self) {
+        let (watch, rig, evidence) = (&mut self.watch, &self.rig, self.decider.evidence());
+        let news: Vec<Alarm> = evidence.iter().filter_map(|shot| watch.update(shot, rig)).collect();
+        self.evidence.extend_from_slice(evidence);
+        let refined = news.iter().rev().find_map(|alarm| alarm.refined.clone());
+        if let Some(refined) = refined.filter(|_| self.settings.refines_rig) {
+            self.rectification = Rectification::from_rig(&refined);
+            self.watch = Watch::new(&refined);
+            self.rig = refined;
+        }
+        let n_over = (self.alarms.len() + news.len()).saturating_sub(N_ALARMS_MAX);
+        self.alarms.extend(news);
+        self.alarms.drain(..n_over.min(self.alarms.len()));
+    }
+
+    /// What was found of the rig since this was asked last: a camera that has turned.
+    pub fn take_alarms(&mut self) -> Vec<Alarm> {
+        std::mem::take(&mut self.alarms)
+    }
+
+    /// What the shots of the last call say of the rig: one each, if both cameras saw it.
+    #[must_use]
+    pub fn evidence(&self) -> &[Evidence] {
+        &self.evidence
+    }
+
+    /// The rig that is measured with.
+    #[must_use]
+    pub fn rig(&self) -> &Rig {
+        &self.rig
     }
 
     /// What was left out so far.
@@ -230,149 +284,4 @@ impl Fusion {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use pretend::{POOR_SIGHT, Serve, Sight};
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha8Rng;
-    use shm_layout::Candidate;
-
-    /// Runs what both cameras see through the whole chain.
-    fn shots_of(
-        serves: &[Serve],
-        n_frames: usize,
-        sight: &Sight,
-        seed: u64,
-    ) -> (Vec<Shot>, Fusion) {
-        let (frames, _) = pretend::seen(serves, n_frames, sight, seed);
-        let (fusion, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
-        (shots, fusion)
-    }
-
-    #[test]
-    fn twenty_seeded_shots_land_within_5_cm() {
-        // 0.3 px and half the pairs: 1.5-2 cm along, 3 mm across; 5 cm is three sigma.
-        for seed in 0..20 {
-            let serve = Serve::random(&mut ChaCha8Rng::seed_from_u64(seed), 200_000_000);
-            let truth = pretend::flown(&serve, &[]).bounce;
-            let (shots, fusion) = shots_of(&[serve], 180, &POOR_SIGHT, seed);
-            assert_eq!(shots.len(), 1, "seed {seed}: {:?}", fusion.rejected());
-            assert_eq!(shots[0].outcome, Outcome::Measured, "seed {seed}");
-            let bounce = shots[0].bounce.as_ref().unwrap();
-            let launch = shots[0].launch.as_ref().unwrap();
-            let direction = launch.direction.unwrap();
-            let off = bounce.position_m - truth.position_m;
-            let [[xx, _], [_, yy]] = bounce.covariance_m2;
-            let in_off = bounce.velocity_in_m_s.norm() - truth.velocity_in_m_s.norm();
-            let launch_off = launch.velocity_m_s.norm() - serve.speed_m_s;
-            let elevation_off = (direction.elevation_rad - serve.elevation_rad).to_degrees();
-            println!(
-                "seed {seed:2}: bounce {:+.3} {:+.3} m (sigma {:.3} {:.3}), speed in {in_off:+.2} \
-                 m/s, launch {launch_off:+.2} m/s (sigma {:.2}) {elevation_off:+.2} deg",
-                off.x,
-                off.y,
-                xx.sqrt(),
-                yy.sqrt(),
-                launch.speed_sigma_m_s,
-            );
-            assert!(off.norm() < 0.05, "seed {seed}: {off}");
-            assert!(in_off.abs() < 0.5, "seed {seed}");
-            assert!(launch_off.abs() < 5.0 * launch.speed_sigma_m_s, "seed {seed}");
-        }
-    }
-
-    #[test]
-    fn cameras_half_a_frame_apart_measure_nearly_as_well() {
-        let sight = Sight { right_offset_ns: 5_500_000, ..POOR_SIGHT };
-        for seed in 0..10 {
-            let serve = Serve::random(&mut ChaCha8Rng::seed_from_u64(seed), 200_000_000);
-            let truth = pretend::flown(&serve, &[]).bounce;
-            let (shots, _) = shots_of(&[serve], 180, &sight, seed);
-            let off = shots[0].bounce.as_ref().unwrap().position_m - truth.position_m;
-            println!("seed {seed}: bounce {:+.3} {:+.3} m", off.x, off.y);
-            assert!(off.norm() < 0.07, "seed {seed}: {off}");
-        }
-    }
-
-    #[test]
-    fn three_shots_three_seconds_apart_are_three() {
-        for seed in 100..110 {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            let at = |i: i64| 500_000_000 + i * 3_000_000_000;
-            let serves: Vec<Serve> = (0..3).map(|i| Serve::random(&mut rng, at(i))).collect();
-            let (shots, fusion) = shots_of(&serves, 10 * 90, &POOR_SIGHT, seed);
-            let outcomes: Vec<Outcome> = shots.iter().map(|shot| shot.outcome).collect();
-            println!("seed {seed}: {outcomes:?} {:?}", fusion.rejected());
-            assert_eq!(outcomes, [Outcome::Measured; 3]);
-        }
-    }
-
-    #[test]
-    fn noise_alone_is_no_shot() {
-        for n_false in [2, 5, 20] {
-            let sight = Sight { n_false, ..POOR_SIGHT };
-            let (shots, fusion) = shots_of(&[], 20 * 90, &sight, 7);
-            println!("{n_false} false spots: {:?} {:?}", fusion.rejected(), fusion.dropped());
-            assert!(shots.is_empty());
-        }
-    }
-
-    #[test]
-    fn a_shot_is_told_when_it_is_decided_and_not_at_the_end() {
-        let serve = Serve { launch_ns: 200_000_000, ..pretend::THESIS_SERVE };
-        let (frames, truths) = pretend::seen(&[serve], 400, &POOR_SIGHT, 3);
-        let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
-        let told = frames.iter().find(|(camera, frame)| !fusion.update(*camera, frame).is_empty());
-        let late_s = motion::seconds_between(truths[0].bounce.t_ns, told.unwrap().1.exposed_ns);
-        assert!(late_s < 0.8, "{late_s} s after the bounce");
-    }
-
-    #[test]
-    fn a_rig_without_a_court_measures_speed_and_says_so() {
-        let serve = Serve { launch_ns: 200_000_000, ..pretend::THESIS_SERVE };
-        let (frames, _) = pretend::seen(&[serve], 180, &POOR_SIGHT, 3);
-        let mut fusion = Fusion::new(pretend::courtless_rig(), Settings::default());
-        let mut shots: Vec<Shot> =
-            frames.iter().flat_map(|(camera, frame)| fusion.update(*camera, frame)).collect();
-        shots.extend(fusion.finish());
-        assert_eq!(shots[0].outcome, Outcome::NoCourt);
-        let launch = shots[0].launch.as_ref().unwrap();
-        assert!((20.0..27.8).contains(&launch.velocity_m_s.norm()), "{launch:?}");
-        assert_eq!((launch.direction, &shots[0].bounce), (None, &None));
-    }
-
-    #[test]
-    fn one_stamp_from_the_future_does_not_blind_a_camera() {
-        let serve = Serve { launch_ns: 700_000_000, ..pretend::THESIS_SERVE };
-        let (mut frames, _) = pretend::seen(&[serve], 220, &POOR_SIGHT, 3);
-        frames[4].1.exposed_ns = i64::MAX;
-        frames[9].1.exposed_ns = i64::MAX - 1;
-        let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
-        let mut shots: Vec<Shot> =
-            frames.iter().flat_map(|(camera, frame)| fusion.update(*camera, frame)).collect();
-        shots.extend(fusion.finish());
-        assert_eq!(shots.iter().map(|s| s.outcome).collect::<Vec<_>>(), [Outcome::Measured]);
-    }
-
-    #[test]
-    fn what_cannot_be_is_dropped_and_never_a_panic() {
-        let serve = Serve { launch_ns: 200_000_000, ..pretend::THESIS_SERVE };
-        let (mut frames, _) = pretend::seen(&[serve], 180, &POOR_SIGHT, 3);
-        for (i, (_, frame)) in frames.iter_mut().enumerate() {
-            match i % 5 {
-                0 => frame.spots.push(Candidate { x_px: f32::NAN, ..Candidate::default() }),
-                1 => frame.spots.push(Candidate { x_px: -1e30, ..Candidate::default() }),
-                2 if i % 50 == 2 => frame.exposed_ns = i64::MIN,
-                _ => {}
-            }
-        }
-        let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
-        let mut shots: Vec<Shot> =
-            frames.iter().flat_map(|(camera, frame)| fusion.update(*camera, frame)).collect();
-        shots.extend(fusion.finish());
-        assert_eq!(shots.len(), 1);
-        let dropped = fusion.dropped();
-        assert!(dropped.n_not_finite == 72 && dropped.n_outside_image == 72, "{dropped:?}");
-        assert!(dropped.n_backward_frames > 0);
-    }
-}
+mod tests;

@@ -5,6 +5,7 @@ use clap::Parser;
 use fusion::candidates_csv::CsvWriter;
 use fusion::intake::{FrameCounts, Intake};
 use fusion::shot::ClockOffset;
+use fusion::watch::{Alarm, words};
 use fusion::world::air;
 use fusion::{
     Fit, FrameCandidates, Fusion, Rig, Settings, Shot, candidates_csv, message, shots_json,
@@ -30,7 +31,8 @@ const MAX_SHOTS: usize = 28_800;
 
 /// Measures shots from the candidates of two cameras.
 ///
-/// Live, each shot is a line of JSON on stdout and a message of the service `shots`. With
+/// Live, each shot is a line of JSON on stdout and a message of the service `shots`; a line
+/// "watch/1" says that a camera has turned since the rig was calibrated. With
 /// --recorded, ends when the recordings are over; then --json FILE holds all of them.
 #[derive(Debug, Parser)]
 #[command(version)]
@@ -65,6 +67,9 @@ struct Flags {
     /// Height of the court above the sea, for the density of the air.
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
     altitude_m: f64,
+    /// Measure on with the rig as it now seems to stand when a camera was found to have turned.
+    #[arg(long)]
+    refine_rig: bool,
     /// End when the process that started this one has ended.
     #[arg(long)]
     with_parent: bool,
@@ -116,6 +121,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
             FitFlag::Quadratic => Fit::Quadratic,
         },
         air_density_kg_m3: air::density_kg_m3(flags.temperature_c, flags.altitude_m),
+        refines_rig: flags.refine_rig,
         ..Settings::default()
     };
     if !flags.recorded.is_empty() {
@@ -161,6 +167,7 @@ impl Table {
             if let Some(fusion) = &mut self.fusion {
                 let shots = fusion.update(camera, frame);
                 self.outputs.write_shots(shots)?;
+                self.outputs.tell(&fusion.take_alarms());
             }
         }
         Ok(())
@@ -173,6 +180,7 @@ impl Table {
             let told = shots.last().and_then(|shot| shot.clock);
             self.outputs.clock = told.or(self.outputs.clock);
             self.outputs.write_shots(shots)?;
+            self.outputs.tell(&fusion.take_alarms());
             let (dropped, rejected) = (fusion.dropped(), fusion.rejected());
             tracing::info!(?dropped, ?rejected, "fusion ends");
         }
@@ -282,6 +290,7 @@ fn rig_from_file(path: &Path) -> anyhow::Result<Rig> {
 struct Outputs {
     json: Option<PathBuf>,
     is_live: bool,
+    refines_rig: bool,
     shots: Vec<Shot>,
     n_shots: u64,
     clock: Option<ClockOffset>,
@@ -308,6 +317,7 @@ impl Outputs {
         Ok(Self {
             json: flags.json.clone(),
             is_live: flags.json.is_none() && flags.candidates.is_none(),
+            refines_rig: flags.refine_rig,
             shots: Vec::new(),
             n_shots: 0,
             clock: None,
@@ -341,6 +351,16 @@ impl Outputs {
             }
         }
         Ok(())
+    }
+
+    /// A camera that has turned: in words on stderr, and live as a line of JSON too.
+    fn tell(&self, alarms: &[Alarm]) {
+        for alarm in alarms {
+            eprintln!("fusion: {}", words::sentence(alarm));
+            if self.is_live {
+                println!("{}", words::json_from(alarm, self.refines_rig));
+            }
+        }
     }
 
     fn finish(self, frames: [Option<FrameCounts>; 2]) -> anyhow::Result<()> {

@@ -33,6 +33,9 @@ pub struct Settings {
     pub ground_sigma_m: f64,
     /// 1 sigma by which light pulls all centres of a ball alike, so that no residual shows it.
     pub bias_sigma_px: f64,
+    /// Whether a camera that was found to have turned is believed to stand where it now does; else
+    /// that is told, and nothing is done.
+    pub refines_rig: bool,
 }
 
 impl Default for Settings {
@@ -46,6 +49,7 @@ impl Default for Settings {
             air_density_kg_m3: air::DENSITY_KG_M3,
             ground_sigma_m: 2e-4,
             bias_sigma_px: 0.03,
+            refines_rig: false,
         }
     }
 }

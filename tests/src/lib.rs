@@ -21,7 +21,8 @@
 //! [`evaluation`] and [`overlay`] say and show how well balls are found there.
 //!
 //! [`accuracy`] says how well `fusion` measures shots, from candidates and from pixels; [`courts`]
-//! how well rigs are calibrated from a court's lines.
+//! how well rigs are calibrated from a court's lines; [`bumped`] how soon `fusion` notices that a
+//! camera was turned.
 //!
 //! Deliberately absent: any code shared with the estimator. Physics and projection are written
 //! anew here, so that both can only agree by both being right.
@@ -118,4 +119,5 @@ pub mod contact_sheet;
 
 pub mod accuracy;
 
+pub mod bumped;
 pub mod courts;

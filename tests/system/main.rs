@@ -15,3 +15,4 @@ mod same_bits; // the candidates do not depend on the number of workers
 mod scenes; // how well balls are found, scene by scene
 mod sweep; // how well shots are measured, cell by cell
 mod tidy; // the house rules
+mod watch; // a camera that somebody touches during play

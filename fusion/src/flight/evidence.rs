@@ -11,13 +11,15 @@
 //! them, a hundred flights in the same wind would be sure of a rig that is not there. So these have
 //! columns of their own, in their own sigmas, with one common prior: [`AFTER_RIG`].
 //!
-//! **Honest weights**: pulls of Student's t are scaled so that their mean slope is one and their
-//! variance is the fit's spread. The inverse of the information is then the covariance of what it
-//! tells.
+//! **Honest, and linear**: what a turned camera does to a flight gathers in the few sightings around
+//! the bounce, which Student's t takes for odd ones: of 0.05° of toe-in it would tell 0.01. Here a
+//! residual pulls in proportion up to `PULL_MAX`, from where the flight was fitted (one step of
+//! Newton). Residuals count as their own scatter has it, so that the inverse of the information is
+//! the covariance of what it tells.
 
 use crate::flight::fit::{self, BIASES, FREE_MIN, Fit};
 use crate::flight::fitted::{Fitted, Scene, slope_and_off};
-use crate::flight::noise::{self, AXES, Scatter};
+use crate::flight::noise::{AXES, Scatter};
 use crate::flight::unknowns::{Covariance, DRAG, N, Prior, WIND, WIND_SIGMA_M_S};
 use crate::rectified::Sighting;
 use crate::world::adjustment::{CAMERA, RIG, first_of};
@@ -35,6 +37,9 @@ pub type SharedColumn = SVector<f64, SHARED>;
 
 /// Information on, or covariance of, the shared numbers.
 pub type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
+
+/// A residual farther off than this, in sigmas of the fit's noise, pulls no harder.
+const PULL_MAX: f64 = 8.0;
 
 /// What flights say of the numbers they share, at the rig they were fitted with.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +61,12 @@ impl Evidence {
     pub fn add(&mut self, other: &Self) {
         self.information += other.information;
         self.gradient += other.gradient;
+    }
+
+    /// What it is worth if it is trusted this much.
+    #[must_use]
+    pub fn scaled(&self, trust: f64) -> Self {
+        Self { information: self.information * trust, gradient: self.gradient * trust }
     }
 }
 
@@ -97,13 +108,6 @@ struct Sums {
     prior_cross: SMatrix<f64, N, SHARED>,
     prior_shared: SharedMatrix,
     prior_pull: SharedColumn,
-}
-
-/// What a residual's square counts, and its pull.
-#[derive(Clone, Copy)]
-struct Weights {
-    square: f64,
-    pull: f64,
 }
 
 impl Sums {
@@ -171,7 +175,7 @@ impl Sums {
         shared: &SMatrix<f64, 2, SHARED>,
         off: &Vector2<f64>,
     ) {
-        let weight = noise::weight(off.norm_squared());
+        let weight = (PULL_MAX / off.norm()).min(1.0);
         self.own += own.transpose() * own;
         self.cross += own.transpose() * shared;
         self.shared += shared.transpose() * shared;
@@ -182,26 +186,26 @@ impl Sums {
         }
     }
 
-    /// Weights whose information is the inverse covariance of what comes out.
-    fn honest(&self, n_sightings: usize) -> Option<Weights> {
-        let spread = self.scatter.spread();
+    /// What a residual's square must count so that the information is the inverse covariance of
+    /// what comes out.
+    fn honest(&self, n_sightings: usize) -> Option<f64> {
+        let spread = self.scatter.spread_of_pulls();
         let covariance = fit::inverse(&(self.known + self.own / spread))?;
         // What the unknowns took up is missing from the residuals that told the spread.
         let n_taken = (covariance * self.own / spread).trace();
         let free = (1.0 - n_taken / (AXES * n_sightings as f64)).max(FREE_MIN);
-        let square = free / spread;
-        Some(Weights { square, pull: square / self.scatter.pull_slope() })
+        Some(free / spread)
     }
 
     /// Without the flight's own unknowns.
-    fn reduced(&self, Weights { square, pull }: Weights) -> Option<Evidence> {
+    fn reduced(&self, square: f64) -> Option<Evidence> {
         let covariance = fit::inverse(&(self.known + self.own * square))?;
         let cross = self.prior_cross + self.cross * square;
         let response = covariance * cross;
         let information = self.prior_shared + self.shared * square - cross.transpose() * response;
-        let own_gradient = self.known_gradient + self.own_pull * pull;
+        let own_gradient = self.known_gradient + self.own_pull * square;
         let gradient =
-            self.prior_pull + self.shared_pull * pull - response.transpose() * own_gradient;
+            self.prior_pull + self.shared_pull * square - response.transpose() * own_gradient;
         let is_finite = information.iter().chain(gradient.iter()).all(|v| v.is_finite());
         let information = (information + information.transpose()) * 0.5;
         is_finite.then_some(Evidence { information, gradient })

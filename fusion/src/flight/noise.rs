@@ -99,10 +99,14 @@ impl Scatter {
         if self.n > 0.0 { (self.psi_slope / self.weight).clamp(CURVATURE_MIN, 1.0) } else { 1.0 }
     }
 
-    /// Mean derivative of a pull by its residual.
+    /// Variance of an estimate whose pulls are in proportion, as a multiple of that of sigmas that
+    /// are right.
     #[must_use]
-    pub fn pull_slope(&self) -> f64 {
-        if self.n > 0.0 { self.curvature() * self.weight / self.n } else { 1.0 }
+    pub fn spread_of_pulls(&self) -> f64 {
+        if self.n < N_NOISE_MIN as f64 {
+            return 1.0;
+        }
+        self.psi2 / self.n * self.by_likeness()
     }
 
     /// Variance of the estimate as a multiple of that of equal trust.
@@ -112,10 +116,16 @@ impl Scatter {
             return 1.0;
         }
         let sandwich = (self.psi2 / self.n) / (self.psi_slope / self.n).powi(2);
+        sandwich * self.by_likeness()
+    }
+
+    /// How many fewer residuals there are than it looks, by how alike those are that follow each
+    /// other.
+    fn by_likeness(&self) -> f64 {
         let likeness = self.product / self.square;
         let by_chance = LIKENESS_SIGMAS / self.n_following.sqrt();
         let rho = if likeness > by_chance { likeness.min(LIKENESS_MAX) } else { 0.0 };
-        sandwich * (1.0 + rho) / (1.0 - rho)
+        (1.0 + rho) / (1.0 - rho)
     }
 }
 

@@ -21,7 +21,7 @@ use super::leftover::Leftover;
 use super::passers::{Passer, SEEN_SHARE};
 use super::stream::{Seen, Stream, empty_frame, in_order};
 use crate::camera::{Camera, Side};
-use crate::scenario::Scenario;
+use crate::scenario::{Rig, Scenario};
 use crate::truth::{Flight, Truth};
 
 /// Numbers of a stream besides its launches come from this stream of the generator.
@@ -48,6 +48,16 @@ const LOOK_STEP_S: f64 = 0.005;
 
 /// Draws a scenario and what is seen of it.
 pub fn stream_from_seed(seed: u64, cell: &Cell, sight: &Sight) -> Stream {
+    stream_through(seed, cell, sight, |_| ())
+}
+
+/// The same seen by cameras that somebody has touched.
+pub fn stream_through(
+    seed: u64,
+    cell: &Cell,
+    sight: &Sight,
+    touch: impl FnOnce(&mut Rig),
+) -> Stream {
     let mut rng = rng_from_seed(seed);
     let clocks = Clocks::drawn(&mut rng, &cell.clocks);
     let mut scenario = Scenario::from_seed(seed, &cell.options());
@@ -56,6 +66,7 @@ pub fn stream_from_seed(seed: u64, cell: &Cell, sight: &Sight) -> Stream {
     for side in [&mut scenario.rig.left, &mut scenario.rig.right] {
         side.exposure_s = 0.0;
     }
+    touch(&mut scenario.rig);
     let truth = Truth::from_scenario(&scenario);
     let frames = {
         let court = Court::new(&scenario, &truth, sight, &clocks, &mut rng);

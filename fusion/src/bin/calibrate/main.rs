@@ -1,5 +1,6 @@
 //! `calibrate`: pictures or balls in, rig.toml with its uncertainty out. One subcommand per method.
 
+mod ball;
 mod board;
 mod chessboard;
 mod court;
@@ -24,6 +25,7 @@ struct Flags {
 enum Method {
     Chessboard(chessboard::Args),
     Court(court::Args),
+    Ball(ball::Args),
     /// Reads a rig that another tool calibrated: OpenCV, ROS, Kalibr.
     Import(import::Args),
     /// Writes a rig as OpenCV's FileStorage YAML.
@@ -42,6 +44,7 @@ fn run(flags: Flags) -> anyhow::Result<()> {
         Method::Export(args) => export::run(&args),
         Method::Board(args) => board::run(&args),
         Method::Siting(args) => siting::run(&args),
+        Method::Ball(args) => ball::run(&args),
     }
 }
 

@@ -63,6 +63,25 @@ impl Flown {
         Self { sightings, prior }
     }
 
+    /// Of all unknowns, under Gaussian noise, from a flight near it.
+    fn least_cost(&self, mut fitted: Fitted, scene: &Scene) -> f64 {
+        let (sightings, prior) = (&self.sightings[..], &self.prior);
+        for _ in 0..8 {
+            let sums = Sums::of(sightings, &fitted, prior, scene).unwrap();
+            let covariance = fit::inverse(&(sums.known + sums.own)).unwrap();
+            let step = -(covariance * (sums.known_gradient + sums.own_pull));
+            fitted.unknowns = fitted.unknowns.plus(&step);
+        }
+        let Fitted { reference_ns, unknowns, noise, .. } = fitted;
+        let fit = Fit { sightings, reference_ns, prior, scene, noise, spread: 1.0 };
+        let model = fit.model_to_launcher(&unknowns);
+        let squares = sightings.iter().map(|s| {
+            let (_, off) = slope_and_off(s, fitted.time_s(s), &model, scene.rig).unwrap();
+            off.norm_squared() / (SIGMA_PX * noise[s.camera.idx()]).powi(2)
+        });
+        prior.cost(&unknowns) + 0.5 * squares.sum::<f64>()
+    }
+
     fn fitted(&self, rig: &Rig) -> Fitted {
         with_scene(rig, |scene| {
             let start = (&truth(), [1.0; 2]);
@@ -85,18 +104,11 @@ fn the_gradient_is_the_derivative_of_the_least_cost() {
     let fitted = flown.fitted(&rig);
     let found = with_scene(&rig, |scene| {
         let sums = Sums::of(&flown.sightings, &fitted, &flown.prior, scene).unwrap();
-        // As the fit itself weighs, but for its spread.
-        sums.reduced(Weights { square: sums.scatter.pull_slope(), pull: 1.0 }).unwrap()
+        sums.reduced(1.0).unwrap()
     });
     let least = |step: &RigStep| {
         let rig = rig.adjusted(step).unwrap();
-        with_scene(&rig, |scene| {
-            let Fitted { reference_ns, unknowns, noise, .. } = fitted;
-            let (sightings, prior) = (&flown.sightings[..], &flown.prior);
-            let fit = Fit { sightings, reference_ns, prior, scene, noise, spread: 1.0 };
-            let unknowns = fit.minimised(unknowns, 1e-5).unwrap();
-            fit.system(&unknowns).unwrap().cost
-        })
+        with_scene(&rig, |scene| flown.least_cost(fitted.clone(), scene))
     };
     let turn = OPTICS..OPTICS + 6;
     let numbers = turn.clone().chain(turn.map(|i| i + CAMERA)).chain([0, 2, 3, CAMERA, CAMERA + 4]);
@@ -111,9 +123,8 @@ fn the_gradient_is_the_derivative_of_the_least_cost() {
         let unit = found.information[(i, i)].sqrt();
         let off = (gradient - found.gradient[i]) / unit;
         assert!(off.abs() < 0.02, "{}: {off} of {}", name_of(i), gradient / unit);
-        // Residuals that are there by chance make the mean curvature of their weights not theirs.
         let ratio = curvature / found.information[(i, i)];
-        assert!((0.7..1.3).contains(&ratio), "{}: {ratio}", name_of(i));
+        assert!((0.9..1.1).contains(&ratio), "{}: {ratio}", name_of(i));
     }
 }
 
@@ -182,4 +193,23 @@ fn a_doubt_about_the_rig_is_in_the_covariance_and_honest() {
     // 300 squares scatter by 0.08.
     assert!((0.6..1.3).contains(&squares), "{squares}");
     assert!(blind > 3.0, "{blind}: the doubt matters");
+}
+
+#[test]
+fn a_turn_that_only_the_bounce_shows_is_told_in_full() {
+    // 0.05° of toe-in: what it does gathers in a few sightings, 5 sigmas and more.
+    let rig = pretend::reference_rig();
+    let (i, turn_rad) = (OPTICS + 1, 8.7e-4);
+    let told = |turn_rad: f64| {
+        let mut step = RigStep::zeros();
+        step[i] = turn_rad;
+        let flown = Flown::seen_by(&rig.adjusted(&step).unwrap(), 1);
+        let fitted = flown.fitted(&rig);
+        let evidence = with_scene(&rig, |scene| {
+            of_flight(&flown.sightings, &fitted, &flown.prior, scene).unwrap()
+        });
+        -evidence.gradient[i] / evidence.information[(i, i)]
+    };
+    let ratio = (told(turn_rad) - told(0.0)) / turn_rad;
+    assert!((0.7..1.2).contains(&ratio), "{ratio}");
 }
