@@ -3,6 +3,7 @@
 //! A field that a method does not know is `null`, never a guess. Also: what the numbers' sigmas
 //! mean in metres, far down the court.
 
+use crate::calibration::consequence;
 use crate::world::adjustment::{CAMERA, RIG, first_of, name_of, relation, relation_by_rig};
 use crate::world::camera::Lens;
 use crate::world::rig::Rig;
@@ -63,12 +64,32 @@ pub struct PairReport {
     pub baseline_m: f64,
     /// Its 1 sigma.
     pub baseline_sigma_m: Option<f64>,
-    /// 1 sigma of a point 24 m ahead of both cameras by the calibration alone: along the left
-    /// camera's x, y and z.
+    /// 1 sigma of a point 24 m ahead of both cameras by the calibration alone: along x, y and z of
+    /// the court, or of the left camera where no court is known.
     pub far_point_sigma_m: Option<[f64; 3]>,
     /// 1 sigma of a bounce near the far baseline by the calibration alone: across and along the
     /// court.
     pub far_bounce_sigma_m: Option<[f64; 2]>,
+}
+
+/// Distance at which a rig without a court says what its sigmas mean: the far baseline.
+pub const FAR_M: f64 = 24.0;
+
+impl PairReport {
+    /// What a rig says of itself; views and residuals are the method's to add.
+    #[must_use]
+    pub fn of_rig(rig: &Rig) -> Self {
+        let [baseline_m, sigma_m] = baseline_m(rig);
+        let far = point_sigma_m(rig, &point_ahead(rig, FAR_M));
+        let bounce = rig.covariance().and_then(|c| consequence::at_far_baseline(rig, c));
+        Self {
+            baseline_m,
+            baseline_sigma_m: rig.covariance().map(|_| sigma_m),
+            far_point_sigma_m: far.map(Into::into),
+            far_bounce_sigma_m: bounce.map(|far| [far.across_m, far.along_m]),
+            ..Self::default()
+        }
+    }
 }
 
 /// 1 sigma of every number of a rig that was not taken as given.

@@ -1,18 +1,16 @@
 //! `calibrate ball`: recordings of served balls and a rig in, the refined rig out.
 
+use crate::files::{Outputs, rig_from};
 use anyhow::{Context as _, ensure};
 use fusion::calibration::report::{self, CameraReport, PairReport, Refused, Report};
 use fusion::calibration::{ball, consequence};
-use fusion::{Rig, Settings, candidates_csv};
+use fusion::{Settings, candidates_csv};
 use shm_layout::Camera;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Most recordings.
 const MAX_RECORDINGS: usize = 1000;
-
-/// Distance at which the report says what the sigmas mean: the far baseline.
-const FAR_M: f64 = 24.0;
 
 /// Served or thrown balls, and a rig that is nearly right, to a better rig.
 ///
@@ -30,20 +28,14 @@ pub struct Args {
     /// The rig was set up by eye (2° and 30 cm); the left camera's x, y and heading hold the court.
     #[arg(long)]
     alone: bool,
-    /// Where the rig.toml goes.
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
-    /// Where the report goes.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// # Errors
 /// Files that cannot be read or written, and flights that are not enough.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let label = args.rig.display().to_string();
-    let text = std::fs::read_to_string(&args.rig).with_context(|| label.clone())?;
-    let rig = Rig::from_file_text(&label, &text)?;
+    let rig = rig_from(&args.rig)?;
     let n = args.recordings.len();
     ensure!(n <= MAX_RECORDINGS, "{n} recordings, expected at most {MAX_RECORDINGS}");
     let recordings =
@@ -70,16 +62,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             );
         }
     }
-    let report = report_of(args, &refined);
-    if let Some(out) = &args.out {
-        std::fs::write(out, &report.rig_toml).with_context(|| out.display().to_string())?;
-        println!("written: {}", out.display());
-    }
-    if let Some(json) = &args.json {
-        let text = serde_json::to_string_pretty(&report)?;
-        std::fs::write(json, text + "\n").with_context(|| json.display().to_string())?;
-    }
-    Ok(())
+    args.outputs.write(&report_of(args, &refined))
 }
 
 /// Both cameras' frames in the order of their time, as two boards would send them.
@@ -111,8 +94,8 @@ fn report_of(args: &Args, refined: &ball::Refined) -> Report {
         views_refused: refused.clone(),
         rms_px: refined.rms_px[camera.idx()],
     };
-    let far = report::point_sigma_m(rig, &report::point_ahead(rig, FAR_M));
     let [left, right] = Camera::BOTH.map(|camera| Some(of(camera)));
+    let [left_px, right_px] = refined.rms_px;
     Report {
         method: "ball".to_owned(),
         left,
@@ -120,9 +103,8 @@ fn report_of(args: &Args, refined: &ball::Refined) -> Report {
         pair: Some(PairReport {
             views_used: used,
             views_refused: refused,
-            baseline_m: rig.right_from_left().translation.vector.norm(),
-            far_point_sigma_m: far.map(Into::into),
-            ..PairReport::default()
+            rms_px: left_px.zip(right_px).map(|(l, r)| (0.5 * (l * l + r * r)).sqrt()),
+            ..PairReport::of_rig(rig)
         }),
         sigma: report::sigma_by_name(rig),
         rig_toml: rig.to_string(),

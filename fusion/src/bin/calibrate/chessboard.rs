@@ -1,5 +1,6 @@
 //! `calibrate chessboard`: pictures of a chessboard in, rig.toml out.
 
+use crate::files::Outputs;
 use crate::pictures::{self, View, views_in, views_of};
 use anyhow::{Context as _, bail, ensure};
 use clap::ValueEnum;
@@ -12,9 +13,6 @@ use fusion::world::adjustment::{NAMES, OPTICS, name_of};
 use fusion::world::camera::{Lens, RawPixel};
 use shm_layout::Camera;
 use std::path::{Path, PathBuf};
-
-/// Distance at which the report says what the sigmas mean: the far baseline.
-const FAR_M: f64 = 24.0;
 
 /// Pictures of a chessboard, in many places and tilts before both cameras, to lenses and the
 /// cameras' relation.
@@ -41,12 +39,8 @@ pub struct Args {
     /// Distortion terms to fit; auto fits those that the views show.
     #[arg(long, value_enum, default_value_t = Distortion::Auto)]
     distortion: Distortion,
-    /// Where the rig.toml goes; of one camera alone its table.
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
-    /// Where the report goes.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// Distortion terms to fit.
@@ -103,15 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     } else {
         lone_report(&board, &views, &found, args.distortion.terms())?
     };
-    if let Some(out) = &args.out {
-        std::fs::write(out, &report.rig_toml).with_context(|| format!("{}", out.display()))?;
-        println!("written: {}", out.display());
-    }
-    if let Some(json) = &args.json {
-        let text = serde_json::to_string_pretty(&report)?;
-        std::fs::write(json, text + "\n").with_context(|| format!("{}", json.display()))?;
-    }
-    Ok(())
+    args.outputs.write(&report)
 }
 
 /// Reads and searches all pictures, on all cores.
@@ -234,22 +220,19 @@ fn pair_report(
         println!("view {} refused: {reason}", views[*view].name);
         refused.push((*view, reason));
     }
-    let far = report::point_sigma_m(&fit.rig, &report::point_ahead(&fit.rig, FAR_M));
-    tell_pair(&fit, views, far.map(Into::into));
+    let pair = PairReport {
+        views_used: names_of(views, &fit.used),
+        views_refused: refused_report(views, &refused),
+        rms_px: Some(fit.rms_px),
+        row_error_rms_px: Some(fit.row_error_rms_px),
+        ..PairReport::of_rig(&fit.rig)
+    };
+    tell_pair(&fit, views, &pair);
     Ok(Report {
         method: "chessboard".to_owned(),
         left: Some(camera_report(Camera::Left)),
         right: Some(camera_report(Camera::Right)),
-        pair: Some(PairReport {
-            views_used: names_of(views, &fit.used),
-            views_refused: refused_report(views, &refused),
-            rms_px: Some(fit.rms_px),
-            row_error_rms_px: Some(fit.row_error_rms_px),
-            baseline_m: fit.baseline_m,
-            baseline_sigma_m: Some(fit.baseline_sigma_m),
-            far_point_sigma_m: far.map(Into::into),
-            far_bounce_sigma_m: None,
-        }),
+        pair: Some(pair),
         sigma: report::sigma_by_name(&fit.rig),
         rig_toml: fit.rig.to_string(),
     })
@@ -261,7 +244,7 @@ fn tell_refused(camera: &str, views: &[View], refused: &[(usize, String)]) {
     }
 }
 
-fn tell_pair(fit: &Together, views: &[View], far_sigma_m: Option<[f64; 3]>) {
+fn tell_pair(fit: &Together, views: &[View], pair: &PairReport) {
     let Together { rig, .. } = fit;
     println!("{} of {} pairs used", fit.used.len(), views.len());
     if !fit.turned.is_empty() {
@@ -280,8 +263,11 @@ fn tell_pair(fit: &Together, views: &[View], far_sigma_m: Option<[f64; 3]>) {
         fit.rms_px, fit.row_error_rms_px, fit.corner_sigma_px
     );
     println!("baseline: {:.5} m ± {:.5}", fit.baseline_m, fit.baseline_sigma_m);
-    if let Some([x, y, z]) = far_sigma_m.map(|sigma| sigma.map(|v| v * 100.0)) {
-        println!("a point {FAR_M:.0} m ahead: ± {x:.1} cm across, {y:.1} up, {z:.1} away");
+    if let Some([x, y, z]) = pair.far_point_sigma_m.map(|sigma| sigma.map(|v| v * 100.0)) {
+        println!(
+            "a point {:.0} m ahead: ± {x:.1} cm across, {y:.1} up, {z:.1} away",
+            report::FAR_M
+        );
     }
 }
 

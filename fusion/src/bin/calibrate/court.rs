@@ -1,14 +1,13 @@
 //! `calibrate court`: two pictures of the empty court in, rig.toml out.
 
+use crate::files::{Outputs, rig_from};
 use crate::pictures;
-use anyhow::Context as _;
 use clap::ValueEnum;
-use fusion::Rig;
-use fusion::calibration::consequence;
 use fusion::calibration::court::guess::Range;
 use fusion::calibration::court::{self, CourtCalibration, Settings};
 use fusion::calibration::prior::LensSigma;
 use fusion::calibration::report::{self, CameraReport, PairReport, Refused, Report};
+use fusion::calibration::siting::Site;
 use shm_layout::Camera;
 use std::path::PathBuf;
 
@@ -26,11 +25,16 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     right: PathBuf,
     /// The rig as it is known: lenses, and roughly where the cameras stand.
-    #[arg(long, value_name = "FILE")]
-    rig: PathBuf,
-    /// How sure the rig's lenses are, if it does not say so itself.
-    #[arg(long, value_enum, default_value_t = Lens::Rough)]
-    lens: Lens,
+    #[arg(long, value_name = "FILE", required_unless_present = "focal_px")]
+    rig: Option<PathBuf>,
+    /// Focal length from the data sheet, in place of a rig: cameras that stand about like those of
+    /// the thesis (4 m apart, 3.5 m up, 10 degrees down, 6 in).
+    #[arg(long, value_name = "PX", conflicts_with = "rig")]
+    focal_px: Option<f64>,
+    /// How sure the lenses are, if the rig does not say so itself [default: rough, or nominal
+    /// without a rig].
+    #[arg(long, value_enum)]
+    lens: Option<Lens>,
     /// Width of the baselines, 2.5 to 10 cm.
     #[arg(long, value_name = "MM", default_value_t = 100.0)]
     baseline_mm: f64,
@@ -40,12 +44,8 @@ pub struct Args {
     /// How well lines were painted: 1 sigma of where an end of one lies.
     #[arg(long, value_name = "MM", default_value_t = 5.0, allow_hyphen_values = true)]
     paint_mm: f64,
-    /// Where the rig.toml goes.
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
-    /// Where the report goes.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// [`LensSigma`] on the command line.
@@ -63,22 +63,19 @@ enum Lens {
 /// Files that cannot be read or written, and pictures that show no tennis court.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let settings = settings_of(args)?;
-    let text =
-        std::fs::read_to_string(&args.rig).with_context(|| args.rig.display().to_string())?;
-    let start = Rig::from_file_text(&args.rig.display().to_string(), &text)?;
     let pictures = [pictures::read(&args.left)?, pictures::read(&args.right)?];
+    let start = match (&args.rig, args.focal_px) {
+        (Some(file), _) => rig_from(file)?,
+        (None, focal_px) => {
+            let sides = [pictures[0].width_px(), pictures[0].height_px()];
+            let image_px = sides.map(|side| side as u32);
+            Site { image_px, focal_px: focal_px.unwrap_or_default(), ..Site::THESIS }.rig()?
+        }
+    };
     let found = court::from_pictures(pictures.each_ref(), &start, &settings)?;
     let report = report_of(&found);
     print!("{}", words(&found, &report));
-    if let Some(out) = &args.out {
-        std::fs::write(out, &report.rig_toml).with_context(|| out.display().to_string())?;
-        println!("written: {}", out.display());
-    }
-    if let Some(json) = &args.json {
-        let text = serde_json::to_string_pretty(&report)?;
-        std::fs::write(json, text + "\n").with_context(|| json.display().to_string())?;
-    }
-    Ok(())
+    args.outputs.write(&report)
 }
 
 fn settings_of(args: &Args) -> anyhow::Result<Settings> {
@@ -90,9 +87,10 @@ fn settings_of(args: &Args) -> anyhow::Result<Settings> {
         let is_sane = (least..=most).contains(&value);
         anyhow::ensure!(is_sane, "{flag} is {value}, expected {least} to {most}");
     }
+    let by_default = if args.rig.is_some() { Lens::Rough } else { Lens::Nominal };
     Ok(Settings {
         range: Range::default(),
-        lens: match args.lens {
+        lens: match args.lens.unwrap_or(by_default) {
             Lens::Exact => LensSigma::EXACT,
             Lens::Rough => LensSigma::ROUGH,
             Lens::Nominal => LensSigma::NOMINAL,
@@ -130,15 +128,10 @@ fn report_of(found: &CourtCalibration) -> Report {
     });
     let n_pieces = found.pieces.each_ref().map(|pieces| pieces.len() as f64);
     let squares: f64 = [0, 1].iter().map(|&i| n_pieces[i] * found.fitted.rms_px[i].powi(2)).sum();
-    let far = rig.covariance().and_then(|covariance| consequence::at_far_baseline(rig, covariance));
-    let baseline = report::baseline_m(rig);
     let pair = PairReport {
         views_used: vec!["left".to_owned(), "right".to_owned()],
         rms_px: Some((squares / (n_pieces[0] + n_pieces[1])).sqrt()),
-        baseline_m: baseline[0],
-        baseline_sigma_m: Some(baseline[1]),
-        far_bounce_sigma_m: far.map(|far| [far.across_m, far.along_m]),
-        ..PairReport::default()
+        ..PairReport::of_rig(rig)
     };
     Report {
         method: "court".to_owned(),

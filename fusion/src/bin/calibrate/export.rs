@@ -1,10 +1,10 @@
 //! `calibrate export`: rig.toml in, OpenCV's FileStorage YAML out.
 
+use crate::files::rig_from;
 use anyhow::Context;
-use fusion::Rig;
 use fusion::calibration::exchange::opencv;
 use fusion::world::rig::Mounting;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A rig for another tool.
 #[derive(Debug, clap::Args)]
@@ -16,16 +16,9 @@ pub struct Args {
     opencv: PathBuf,
 }
 
-/// The rig of a file.
-pub fn rig_of(path: &Path) -> anyhow::Result<Rig> {
-    let place = path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {place}"))?;
-    Ok(Rig::from_file_text(&place, &text)?)
-}
-
 /// Reads, writes and says what is left out.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let rig = rig_of(&args.rig)?;
+    let rig = rig_from(&args.rig)?;
     let place = args.opencv.display();
     std::fs::write(&args.opencv, opencv::text_from(&rig))
         .with_context(|| format!("cannot write {place}"))?;

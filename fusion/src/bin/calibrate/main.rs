@@ -5,6 +5,7 @@ mod board;
 mod chessboard;
 mod court;
 mod export;
+mod files;
 mod import;
 mod pictures;
 mod siting;

@@ -1,6 +1,6 @@
 //! `calibrate siting`: where cameras could stand, or do, in; coverage and expected sigmas out.
 
-use crate::export::rig_of;
+use crate::files::rig_from;
 use crate::import::size_px;
 use anyhow::Context;
 use fusion::calibration::siting::flights::Watch;
@@ -61,7 +61,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         anyhow::ensure!(is_svg, "{}: expected a name that ends in .svg", path.display());
     }
     let rig = match &args.rig {
-        Some(path) => rig_of(path)?,
+        Some(path) => rig_from(path)?,
         None => site(args)?.rig()?,
     };
     let Args { rate_hz, noise_px, through_net, .. } = *args;

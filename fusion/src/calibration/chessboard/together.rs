@@ -8,6 +8,7 @@ use super::alone::{Alone, outlier, refitted};
 use super::bundle::{Bundle, State, Terms};
 use super::views::{PairView, Relation, relation};
 use super::{Board, Error, MAX_VIEWS, MIN_VIEWS, alone};
+use crate::calibration::report;
 use crate::world::adjustment::{OPTICS, POSE, RigCovariance, first_of};
 use crate::world::ball::Ball;
 use crate::world::camera::RawPixel;
@@ -122,7 +123,7 @@ pub fn fitted(
     }
     let (used, bundle, fit) = without_outliers(&points_m, &views, &alone, &found, &mut refused)?;
     let rig = rig_from(&fit.state)?.with_covariance(covariance_from(&bundle, &fit.covariance))?;
-    let (baseline_m, baseline_sigma_m) = baseline_of(&rig);
+    let [baseline_m, baseline_sigma_m] = report::baseline_m(&rig);
     let camera_rms_px = Camera::BOTH.map(|camera| bundle.rms_of_all_px(&fit.state, Some(camera)));
     let used: Vec<usize> = used.into_iter().filter(|&view| is_pair(&alone, view)).collect();
     Ok(Together {
@@ -251,18 +252,6 @@ fn covariance_from(bundle: &Bundle<'_>, covariance: &DMatrix<f64>) -> RigCovaria
         }
     }
     of_rig
-}
-
-/// Distance of the optical centres and its sigma.
-fn baseline_of(rig: &Rig) -> (f64, f64) {
-    let centre = rig.tracking_from(Camera::Right).translation.vector;
-    let first = first_of(Camera::Right) + OPTICS + 3;
-    let variance = rig.covariance().map_or(0.0, |covariance| {
-        let of_centre = covariance.fixed_view::<3, 3>(first, first).into_owned();
-        let along = centre.normalize();
-        (along.transpose() * of_centre * along)[(0, 0)]
-    });
-    (centre.norm(), variance.max(0.0).sqrt())
 }
 
 /// RMS difference of the rows in which the cameras see the same corner, after rectification.

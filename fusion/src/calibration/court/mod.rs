@@ -21,6 +21,7 @@ pub mod segments;
 
 use crate::calibration::picture::Picture;
 use crate::calibration::prior::{LensSigma, Prior};
+use crate::calibration::siting::Site;
 use crate::world::camera::Lens;
 use crate::world::rig::{Mounting, Rig};
 use fitted::Fitted;
@@ -158,7 +159,7 @@ pub fn from_pictures(
     settings: &Settings,
 ) -> Result<CourtCalibration, Refused> {
     let lines = paint::lines(settings.baseline_m, settings.others_m);
-    let roughly = rough_poses(start);
+    let roughly = rough_poses(start).ok_or(Refused::Open)?;
     let prior = match start.covariance() {
         Some(covariance) => Prior::of_rig(start, covariance),
         None => Prior::of_lenses(start, &settings.lens),
@@ -206,31 +207,24 @@ pub fn from_pictures(
 }
 
 /// Where the cameras are said to stand in the court.
-fn rough_poses(start: &Rig) -> [IsometryMatrix3<f64>; 2] {
+fn rough_poses(start: &Rig) -> Option<[IsometryMatrix3<f64>; 2]> {
     match start.mounting() {
         Mounting::Court { court_from_left, court_from_right } => {
-            [*court_from_left, *court_from_right]
+            Some([*court_from_left, *court_from_right])
         }
         Mounting::Stereo { right_from_left } => thesis_poses(right_from_left),
     }
 }
 
-/// A rig's cameras as those of the thesis: 3.5 m up, 10° down, the middle between them over the
-/// centre mark and both turned in alike.
-fn thesis_poses(right_from_left: &IsometryMatrix3<f64>) -> [IsometryMatrix3<f64>; 2] {
-    const HEIGHT_M: f64 = 3.5;
-    const TILT_RAD: f64 = 0.1745;
+/// A rig's cameras on the masts of the thesis, as far apart as they are and turned in alike.
+fn thesis_poses(right_from_left: &IsometryMatrix3<f64>) -> Option<[IsometryMatrix3<f64>; 2]> {
     let left_from_right = right_from_left.inverse();
     let baseline_m = left_from_right.translation.vector.norm();
-    // Turned by half of what the cameras are turned against each other, then tilted.
-    let turn = left_from_right.rotation.scaled_axis().y;
-    let (sin, cos) = TILT_RAD.sin_cos();
-    let ahead = nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, -sin, cos, 0.0, -cos, -sin);
-    let level = nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), 0.5 * turn);
-    let rotation = level * nalgebra::Rotation3::from_matrix_unchecked(ahead);
-    let centre = nalgebra::Translation3::new(-0.5 * baseline_m, 0.0, HEIGHT_M);
-    let court_from_left = IsometryMatrix3::from_parts(centre, rotation);
-    [court_from_left, court_from_left * left_from_right]
+    // Turned in, each by half of what the cameras are turned against each other.
+    let toe_in_rad = -0.5 * left_from_right.rotation.scaled_axis().y;
+    let court_from_left =
+        Site { baseline_m, toe_in_rad, ..Site::THESIS }.rig().ok()?.court_from_left()?;
+    Some([court_from_left, court_from_left * left_from_right])
 }
 
 fn guess_of(

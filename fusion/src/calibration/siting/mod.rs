@@ -88,6 +88,16 @@ pub enum Refused {
 }
 
 impl Site {
+    /// The thesis' rig (its section 3.1): 4 m apart, 3.5 m up, 10° down and 6° in, f = 1240 px.
+    pub const THESIS: Self = Self {
+        height_m: 3.5,
+        baseline_m: 4.0,
+        tilt_rad: 10.0 * std::f64::consts::PI / 180.0,
+        toe_in_rad: 6.0 * std::f64::consts::PI / 180.0,
+        focal_px: 1240.0,
+        image_px: [640, 480],
+    };
+
     /// Cameras that stand so.
     ///
     /// # Errors

@@ -12,7 +12,7 @@
 use super::flights::{self, AFTER_S, Flight, Watch};
 use super::launcher_of;
 use crate::clock::OFFSET_SIGMA_S;
-use crate::flight::fit;
+use crate::flight::fit::{self, BIASES};
 use crate::flight::fitted::{Fitted, Scene};
 use crate::flight::model::{Model, Span};
 use crate::flight::unknowns::{Known, Prior, Unknowns};
@@ -32,16 +32,6 @@ pub const N_AFTER_MIN: usize = 3;
 
 /// How far before the first and after the last sighting a flight is followed.
 const REACH_S: [f64; 2] = [2.5, 2.0];
-
-/// As of [`fit`]: x and y alike, x and y from one way near to the other way far, and y one way at
-/// both ends and the other way between.
-const BIASES: [fn(f64) -> [f64; 2]; 5] = [
-    |_| [1.0, 0.0],
-    |_| [0.0, 1.0],
-    |far| [far, 0.0],
-    |far| [0.0, far],
-    |far| [0.0, 2.0 * far * far - 1.0],
-];
 
 /// What the fit would be told besides sightings.
 #[derive(Debug, Clone, Copy)]

@@ -1,0 +1,39 @@
+//! The files all methods read and write: a rig, and what was found.
+
+use anyhow::Context as _;
+use fusion::Rig;
+use fusion::calibration::report::Report;
+use std::path::{Path, PathBuf};
+
+/// Where what was found goes.
+#[derive(Debug, clap::Args)]
+pub struct Outputs {
+    /// Where the rig.toml goes.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Where the report goes.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+impl Outputs {
+    /// Writes the files that were asked for.
+    pub fn write(&self, report: &Report) -> anyhow::Result<()> {
+        if let Some(out) = &self.out {
+            std::fs::write(out, &report.rig_toml).with_context(|| out.display().to_string())?;
+            println!("written: {}", out.display());
+        }
+        if let Some(json) = &self.json {
+            let text = serde_json::to_string_pretty(report)?;
+            std::fs::write(json, text + "\n").with_context(|| json.display().to_string())?;
+        }
+        Ok(())
+    }
+}
+
+/// A rig.toml.
+pub fn rig_from(file: &Path) -> anyhow::Result<Rig> {
+    let place = file.display().to_string();
+    let text = std::fs::read_to_string(file).with_context(|| place.clone())?;
+    Ok(Rig::from_file_text(&place, &text)?)
+}
