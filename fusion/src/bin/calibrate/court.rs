@@ -1,7 +1,8 @@
 //! `calibrate court`: two pictures of the empty court in, rig.toml out.
 
 use crate::files::{Outputs, rig_from};
-use crate::pictures;
+use crate::{overlay, pictures};
+use anyhow::Context as _;
 use clap::ValueEnum;
 use fusion::calibration::court::guess::Range;
 use fusion::calibration::court::{self, CourtCalibration, Settings};
@@ -44,6 +45,10 @@ pub struct Args {
     /// How well lines were painted: 1 sigma of where an end of one lies.
     #[arg(long, value_name = "MM", default_value_t = 5.0, allow_hyphen_values = true)]
     paint_mm: f64,
+    /// Where to draw what was found, as a PNG: the court as the rig sees it in orange, pieces of
+    /// lines that fit in green, others in red.
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
     #[command(flatten)]
     outputs: Outputs,
 }
@@ -75,6 +80,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let found = court::from_pictures(pictures.each_ref(), &start, &settings)?;
     let report = report_of(&found);
     print!("{}", words(&found, &report));
+    if let Some(file) = &args.picture {
+        overlay::of_court(&pictures, &found)
+            .save_with_format(file, image::ImageFormat::Png)
+            .with_context(|| file.display().to_string())?;
+        println!("drawn: {}", file.display());
+    }
     args.outputs.write(&report)
 }
 

@@ -7,6 +7,7 @@ mod court;
 mod export;
 mod files;
 mod import;
+mod overlay;
 mod pictures;
 mod siting;
 
