@@ -9,6 +9,7 @@
 pub mod chessboard;
 pub mod consequence;
 pub mod court;
+pub mod features;
 pub mod least_squares;
 pub mod picture;
 pub mod prior;

@@ -2,6 +2,7 @@
 
 mod chessboard;
 mod court;
+mod features;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -20,12 +21,14 @@ enum Method {
     /// From the court's white lines.
     Court(court::Args),
     Chessboard(chessboard::Args),
+    Features(features::Args),
 }
 
 fn run(flags: Flags) -> anyhow::Result<()> {
     match flags.method {
         Method::Court(args) => court::run(&args),
         Method::Chessboard(args) => chessboard::run(&args),
+        Method::Features(args) => features::run(&args),
     }
 }
 
