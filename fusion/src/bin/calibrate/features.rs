@@ -169,7 +169,7 @@ fn words(found: &FeatureCalibration, report: &Report) -> String {
     );
     let [x, y, z] = pose.translation.vector.into();
     text += &format!(
-        "it stands {x:.3} ± {:.3} m right, {y:.3} ± {:.3} m down, {z:.3} ± {:.3} m ahead of it\n",
+        "it stands {x:.3} ± {:.3} m right, {y:.3} ± {:.3} m down, {z:.3} ± {:.3} m ahead\n",
         sigma[3], sigma[4], sigma[5]
     );
     if let Some([x, y, z]) = report.pair.as_ref().and_then(|pair| pair.far_point_sigma_m) {

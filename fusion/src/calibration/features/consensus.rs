@@ -1,14 +1,16 @@
 //! Matches, many of them wrong -> those that one pose explains, and that pose.
 //!
 //! RANSAC (Fischler and Bolles 1981) over [`essential`] matrices of eight matches each, scored by
-//! truncated squares (MSAC; Torr and Zisserman 2000). Each new best is polished by [`five`] on what
-//! it explains (Chum, Matas and Kittler 2003): eight points of a scene that is nearly a plane are
-//! worth little by themselves. Samples come from a fixed sequence: the same pictures give the same
-//! rig.
+//! how well each match fits (as MSAC does; Torr and Zisserman 2000). What scores well is polished
+//! by [`five`] on what it explains (Chum, Matas and Kittler 2003). Eight points of a scene that is
+//! nearly a plane are worth little, so of the first samples a pose is also found by steps from
+//! where the cameras are said to stand. Samples come from a fixed sequence: the same pictures give
+//! the same rig.
 
 use crate::calibration::features::essential::{self, POINTS_MIN, Rays};
 use crate::calibration::features::five::{self, Five, Matched, UnitPose};
-use nalgebra::IsometryMatrix3;
+use crate::world::adjustment;
+use nalgebra::{IsometryMatrix3, Vector3};
 
 /// How many samples, and how much is asked of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,8 +37,14 @@ pub struct Consensus {
 /// Most samples: with 3 of 8 right, one of 2500 samples is all right.
 const SAMPLES_MAX: usize = 20_000;
 
+/// Of the first of them a pose is also found by steps from the guess.
+const BY_STEPS_MAX: usize = 2000;
+
 /// Samples go on until a better one is this unlikely to have been missed.
 const MISSED: f64 = 1e-4;
+
+/// A match that is nearer than this is as good as one can be.
+const EXACT_PX: f64 = 0.03;
 
 /// Polishing, at most so often.
 const POLISHED_MAX: usize = 60;
@@ -59,8 +67,13 @@ pub fn of_matches(matched: Matched<'_>, search: &Search) -> Option<Consensus> {
         n_samples += 1;
         let sample: Vec<Rays> =
             random.choice::<POINTS_MIN>(n).iter().map(|&i| matched.rays[i]).collect();
-        let Some(pose) = pose_from(&sample, search) else { continue };
-        let score = score_of(&matched, &pose, search.within_px);
+        let by_steps = (n_samples <= BY_STEPS_MAX)
+            .then(|| five::of_sample(Matched { rays: &sample, ..matched }, &search.roughly))
+            .flatten()
+            .filter(|pose| search.reaches(pose));
+        let poses = [pose_from(&sample, search), by_steps].into_iter().flatten();
+        let scored = poses.map(|pose| (score_of(&matched, &pose, search.within_px), pose));
+        let Some((score, pose)) = scored.max_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
         if score < NEARLY * best_raw || n_polished == POLISHED_MAX {
             continue;
         }
@@ -74,8 +87,9 @@ pub fn of_matches(matched: Matched<'_>, search: &Search) -> Option<Consensus> {
                 best = Some((pose, score));
             }
         }
-        if let Some((_, most)) = best {
-            let all_right = (most / n as f64).clamp(0.0, 1.0).powi(POINTS_MIN as i32);
+        if let Some((pose, _)) = best {
+            let share = explained_by(&matched, &pose, search.within_px).len() as f64 / n as f64;
+            let all_right = share.powi(POINTS_MIN as i32);
             n_needed = MISSED.ln() / (-all_right).ln_1p().min(-f64::MIN_POSITIVE);
         }
     }
@@ -103,9 +117,11 @@ pub fn explained_by(matched: &Matched<'_>, pose: &UnitPose, within_px: f64) -> V
 
 impl Search {
     fn reaches(&self, pose: &UnitPose) -> bool {
-        let turn = pose.rotation.angle_to(&self.roughly.rotation);
+        let [a, b, c, ..] = adjustment::step_between(&self.roughly, pose);
+        let turn = Vector3::new(a, b, c).norm();
         let [at, roughly] = [pose, &self.roughly].map(|pose| pose.translation.vector);
-        turn <= self.turn_max_rad && at.angle(&roughly) <= self.direction_max_rad
+        let direction = at.cross(&roughly).norm().atan2(at.dot(&roughly));
+        turn <= self.turn_max_rad && direction <= self.direction_max_rad
     }
 }
 
@@ -120,13 +136,13 @@ fn pose_from(sample: &[Rays], search: &Search) -> Option<UnitPose> {
     search.reaches(&pose).then_some(pose)
 }
 
-/// Matches explained, each counted less the worse it is.
+/// Matches explained, each counted less the worse it is. By logarithms: hundreds that fit to a
+/// twentieth of a pixel outweigh a few false ones that a worse pose explains too.
 fn score_of(matched: &Matched<'_>, pose: &UnitPose, within_px: f64) -> f64 {
     let bilinear = five::bilinear_of(pose);
-    let worth = |rays: &Rays| {
-        let off = matched.distance_px(&bilinear, rays) / within_px;
-        (1.0 - off * off).max(0.0)
-    };
+    let size = |off_px: f64| (off_px / EXACT_PX).powi(2).ln_1p();
+    let most = size(within_px);
+    let worth = |rays: &Rays| (1.0 - size(matched.distance_px(&bilinear, rays)) / most).max(0.0);
     matched.rays.iter().map(worth).sum()
 }
 

@@ -2,27 +2,27 @@
 //!
 //! What the matches leave open, what the fit answers to an error of a lens (with the covariance
 //! between the two, so that a later calibration that moves the lens moves the pose with it), and
-//! along the baseline how sure its length is. Matches whose patches overlap share their pixels and
-//! their errors: they count as one.
+//! along the baseline how sure its length is.
 
 use crate::calibration::features::essential::Rays;
-use crate::calibration::features::five::{Across, Five, Matched, UNKNOWNS};
+use crate::calibration::features::five::{self, Across, Five, Matched, UNKNOWNS};
 use crate::calibration::features::matches::Match;
-use crate::world::adjustment::{OPTICS, POSE, RIG, RigCovariance, first_of};
+use crate::world::adjustment::{self, OPTICS, POSE, RigCovariance, first_of};
 use crate::world::camera::Lens;
 use crate::world::rig::Rig;
-use nalgebra::{DMatrix, SMatrix};
+use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 use shm_layout::Camera;
 use std::collections::BTreeSet;
 
 /// Numbers of two lenses.
 const LENSES: usize = 2 * OPTICS;
 
-/// Side of a patch.
-const PATCH_PX: f64 = 15.0;
-
 /// Steps of the derivatives by a lens' numbers.
 const STEPS: [f64; OPTICS] = [0.1, 0.1, 0.1, 0.1, 1e-4, 1e-4, 1e-5, 1e-5, 1e-4];
+
+/// Side of the parts of the picture that are left out one by one: things seen in one part, a trunk
+/// or a corner of the court, are wrong together.
+const PART_PX: f64 = 40.0;
 
 /// Rays of matches; None where a lens has no inverse.
 #[must_use]
@@ -34,13 +34,31 @@ pub fn rays_of(lenses: [&Lens; 2], matches: &[Match]) -> Option<Vec<Rays>> {
     matches.iter().map(rays).collect()
 }
 
-/// How many patches of the left picture do not overlap.
+/// Covariance of the five unknowns by what becomes of them when a part of the picture is left out
+/// (the jackknife; Tukey 1958). Few matches are near and hold the baseline's direction, many far
+/// ones tell how good a match is: residuals alone would be much too sure.
 #[must_use]
-pub fn n_independent(matches: &[Match]) -> usize {
-    let cell = |v: f64| (v / PATCH_PX) as i64;
-    let cells: BTreeSet<[i64; 2]> =
-        matches.iter().map(|m| [cell(m.left.x_px), cell(m.left.y_px)]).collect();
-    cells.len()
+pub fn by_parts(
+    five: &Five,
+    matched: &Matched<'_>,
+    matches: &[Match],
+) -> Option<SMatrix<f64, UNKNOWNS, UNKNOWNS>> {
+    let part = |m: &Match| [m.left.x_px, m.left.y_px].map(|v| (v / PART_PX) as i64);
+    let parts: BTreeSet<[i64; 2]> = matches.iter().map(part).collect();
+    let across = Across::of(&five.left_from_right.translation.vector);
+    let mut sum = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
+    for left_out in &parts {
+        let kept = matched.rays.iter().zip(matches).filter(|(_, m)| part(m) != *left_out);
+        let rays: Vec<Rays> = kept.map(|(rays, _)| *rays).collect();
+        let others = Matched { rays: &rays, ..*matched };
+        let without = five::fitted(others, &five.left_from_right, five.sigma_px)?.left_from_right;
+        let [a, b, c, shift @ ..] = adjustment::step_between(&five.left_from_right, &without);
+        let shift = Vector3::from(shift);
+        let change = SVector::from([a, b, c, shift.dot(&across.first), shift.dot(&across.second)]);
+        sum += change * change.transpose();
+    }
+    let n = parts.len() as f64;
+    Some(sum * ((n - 1.0) / n))
 }
 
 /// Of a rig without a court, whose right camera stands as the fit says at the rig's distance.
@@ -52,9 +70,12 @@ pub fn covariance_of(
     baseline_sigma_m: f64,
 ) -> Option<RigCovariance> {
     let response = response_to_lenses(rig, five, matches)?;
-    let shared = matches.len() as f64 / n_independent(matches).max(1) as f64;
-    let by_lenses = &response * lenses;
-    let of_five = five.covariance * shared + &by_lenses * response.transpose();
+    let lens = |camera| &rig.eye(camera).lens;
+    let rays = rays_of([lens(Camera::Left), lens(Camera::Right)], matches)?;
+    let matched = Matched { rays: &rays, focal_px: focal_px(rig) };
+    let by_lenses = response * lenses;
+    let of_five =
+        five.covariance + by_parts(five, &matched, matches)? + &by_lenses * response.transpose();
     let along = five.left_from_right.translation.vector;
     let across = Across::of(&along);
     let baseline_m = rig.right_from_left().translation.vector.norm();
@@ -79,7 +100,6 @@ pub fn covariance_of(
             covariance[(place(i), pose + k)] = pose_and_lenses[(k, i)];
         }
     }
-    debug_assert_eq!(covariance.nrows(), RIG);
     Some(covariance)
 }
 

@@ -3,8 +3,8 @@
 //! `x_rᵀ E x_l = 0` with `E = [T]× R` for `x_right = R x_left + T` (the thesis' Eq 14 with the
 //! lenses taken off both sides). Eight points, each set moved and scaled first (Hartley 1997, "In
 //! defense of the eight-point algorithm"); the least eigenvector of the normal matrix; two equal
-//! singular values and a zero one enforced; four poses (Hartley and Zisserman 2004, result 9.19), of
-//! which one has the points in front of both cameras. `T` has length 1: pictures tell no scale.
+//! singular values and a zero one enforced; four poses (Hartley and Zisserman 2004, result 9.19),
+//! of which one has the points in front of both cameras. `T` has length 1: pictures tell no scale.
 
 use nalgebra::{
     IsometryMatrix3, Matrix3, Rotation3, SMatrix, SVector, Translation3, Vector2, Vector3,

@@ -23,6 +23,9 @@ const SIGMA_PER_MEDIAN: f64 = 1.4826;
 /// No match is better than this, whatever the residuals say.
 const SIGMA_MIN_PX: f64 = 0.01;
 
+/// What a match of a sample is taken for: no loss is wanted among tens of pixels.
+const SAMPLE_SIGMA_PX: f64 = 30.0;
+
 /// Rounds of residuals to sigma and sigma to residuals.
 const ROUNDS: usize = 3;
 
@@ -206,6 +209,15 @@ pub fn fitted(matched: Matched<'_>, guess: &UnitPose, sigma_px: f64) -> Option<F
     let covariance = covariance?;
     let covariance = SMatrix::from_fn(|i, j| covariance[(i, j)]);
     Some(Five { left_from_right: pose, covariance, sigma_px })
+}
+
+/// The pose on which a few matches agree best, by a few steps from a guess. Unlike eight points' it
+/// does not mind a plane: of the two poses of a plane it is the one nearer to the guess.
+#[must_use]
+pub fn of_sample(matched: Matched<'_>, guess: &UnitPose) -> Option<UnitPose> {
+    let fit = Fit { matched, sigma_px: SAMPLE_SIGMA_PX };
+    let patience = Patience { n_steps_max: 12, step_min: 0.1 };
+    least_squares::solution(&fit, *guess, patience).map(|solution| solution.state)
 }
 
 /// A robust sigma of distances: by their median.

@@ -35,20 +35,34 @@ const ROUNDS: usize = 8;
 /// Beyond this many sigmas a match is not of the plane.
 const SIGMAS: f64 = 3.0;
 
+/// Farther than this from the plane a match is beside it, whatever its sigma: leaves are deep.
+const BESIDE_PX: f64 = 2.0;
+
+/// Fewest matches beside the plane that hold a pose: three more than open numbers.
+const BESIDE_MIN: usize = 8;
+
 /// The simplest that explains the matches as well as the pose does; None if nothing does.
+///
+/// Torr's criterion takes few matches beside a plane for wrong ones. They are not if the pose
+/// explains them and leaves fewer over: `n_unexplained` are the matches it does not explain.
 #[must_use]
-pub fn instead_of(five: &Five, matched: &Matched<'_>) -> Option<Flat> {
-    let squares = |distances: Vec<f64>| -> Vec<f64> {
+pub fn instead_of(five: &Five, matched: &Matched<'_>, n_unexplained: usize) -> Option<Flat> {
+    let squares = |distances: &[f64]| -> Vec<f64> {
         distances.iter().map(|d| (d / five.sigma_px).powi(2)).collect()
     };
-    let pose = price(&squares(matched.distances_px(&five.left_from_right)), &POSE);
-    let of = |map: Option<Matrix3<f64>>, size: &Size| {
-        map.map_or(f64::INFINITY, |map| price(&squares(distances_px(matched, &map)), size))
+    let pose = price(&squares(&matched.distances_px(&five.left_from_right)), &POSE);
+    let is_enough = |map: Option<Matrix3<f64>>, size: &Size| {
+        let Some(map) = map else { return false };
+        let distances = distances_px(matched, &map);
+        let beside_px = BESIDE_PX.max(2.0 * SIGMAS * five.sigma_px);
+        let n_beside = distances.iter().filter(|distance| **distance > beside_px).count();
+        let is_held = n_beside >= BESIDE_MIN && n_beside > n_unexplained;
+        !is_held && price(&squares(&distances), size) < pose
     };
-    if of(by_rounds(matched, five.sigma_px, turn_of), &TURN) < pose {
+    if is_enough(by_rounds(matched, five.sigma_px, turn_of), &TURN) {
         return Some(Flat::Far);
     }
-    (of(by_rounds(matched, five.sigma_px, plane_of), &PLANE) < pose).then_some(Flat::Plane)
+    is_enough(by_rounds(matched, five.sigma_px, plane_of), &PLANE).then_some(Flat::Plane)
 }
 
 fn price(squares: &[f64], size: &Size) -> f64 {

@@ -50,7 +50,7 @@ const FACING_M: f64 = 25.0;
 const GROUND_MAX_M: f64 = 60.0;
 
 /// Least correlation, and how much farther than the best the next one must be.
-const ALIKE_MIN: f32 = 0.75;
+const ALIKE_MIN: f32 = 0.6;
 const RATIO: f32 = 0.9;
 
 /// Salient points this near to each other are the same.

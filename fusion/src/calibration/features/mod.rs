@@ -19,6 +19,9 @@ pub mod flat;
 pub mod matches;
 pub mod patch;
 
+#[cfg(test)]
+mod tests;
+
 use crate::calibration::court;
 use crate::calibration::picture::Picture;
 use crate::calibration::prior::LensSigma;
@@ -28,7 +31,7 @@ use consensus::{Consensus, Search};
 use five::{Five, Matched, UnitPose};
 use flat::Flat;
 use matches::{Guess, Match};
-use nalgebra::{IsometryMatrix3, Translation3};
+use nalgebra::{IsometryMatrix3, Translation3, Vector2};
 use shm_layout::Camera;
 
 /// What is believed beforehand.
@@ -65,7 +68,7 @@ const SHARE_MIN: f64 = 0.3;
 
 /// How far from what the last round found a match may be, and how near it must be to be explained,
 /// round by round.
-const ROUNDS: [(Option<f64>, f64); 3] = [(None, 2.0), (Some(8.0), 1.0), (Some(3.0), 1.0)];
+const ROUNDS: [(Option<f64>, f64); 3] = [(None, 2.0), (Some(8.0), 1.0), (Some(3.0), 0.5)];
 
 /// Grey levels by which pictures differ on average if two cameras took them.
 const DIFFERENCE_MIN: f32 = 0.2;
@@ -175,7 +178,11 @@ pub fn from_pictures(
     check_pictures(pictures, start)?;
     let baseline_m = baseline_of(start, settings)?;
     let blurred = pictures.map(corners::blurred);
-    let points = blurred.each_ref().map(corners::of_blurred);
+    let points = blurred.each_ref().map(|picture| {
+        let mut points = corners::of_blurred(picture);
+        points.retain(|p| patch::is_distinct(picture, &Vector2::new(p.x as f64, p.y as f64)));
+        points
+    });
     let n_corners = points.each_ref().map(Vec::len);
     let focal_px = doubt::focal_px(start);
     let search = Search {
@@ -202,7 +209,7 @@ pub fn from_pictures(
     let rays = rays_of(start, &explained)?;
     let matched = Matched { rays: &rays, focal_px };
     let n = explained.len();
-    match flat::instead_of(&five, &matched) {
+    match flat::instead_of(&five, &matched, matches.len() - n) {
         Some(Flat::Plane) => return Err(Refused::Plane { n }),
         Some(Flat::Far) => return Err(Refused::Far { n }),
         None => {}

@@ -29,8 +29,12 @@ const STEPS_MAX: usize = 20;
 const STEP_MIN_PX: f64 = 5e-3;
 
 /// How far a fine match may move, and how alike it must be in the end.
-const MOVED_MAX_PX: f64 = 3.0;
+const MOVED_MAX_PX: f64 = 4.0;
 const ALIKE_MIN: f64 = 0.85;
+
+/// How far beside it a point may not look the same, and what is the same.
+const BESIDE_PX: std::ops::RangeInclusive<i32> = 4..=20;
+const BESIDE_MAX: f32 = 0.8;
 
 /// Mean 0, length 1.
 pub type Patch = [f32; AREA];
@@ -64,6 +68,24 @@ fn normalised(mut patch: Patch) -> Option<Patch> {
 #[must_use]
 pub fn likeness(one: &Patch, other: &Patch) -> f32 {
     one.iter().zip(other).map(|(a, b)| a * b).sum()
+}
+
+/// Whether the surroundings of a pixel look different from what is some pixels beside them: a net's
+/// meshes look like the next ones, and a line like itself farther on.
+#[must_use]
+pub fn is_distinct(picture: &Picture, at: &Vector2<f64>) -> bool {
+    let at_offset = |x: i32, y: i32| {
+        let at = at + Vector2::new(f64::from(x), f64::from(y));
+        around(picture, &at, &Matrix2::identity())
+    };
+    let Some(own) = at_offset(0, 0) else { return false };
+    let row = BESIDE_PX.flat_map(|x| [-x, x]).flat_map(|x| [-1, 0, 1].map(|y| [x, y]));
+    let (near, far) = (4.5, 8.0);
+    let ring = (0..16).map(|k| f64::from(k) * std::f64::consts::PI / 8.0);
+    let ring = ring.flat_map(|angle| [near, far].map(|r| [r * angle.cos(), r * angle.sin()]));
+    row.chain(ring.map(|at| at.map(|v| v.round() as i32)))
+        .filter_map(|[x, y]| at_offset(x, y))
+        .all(|other| likeness(&own, &other) < BESIDE_MAX)
 }
 
 /// A place in the right picture that shows what the left one shows at a pixel.
