@@ -13,6 +13,7 @@ pub mod chessboard;
 pub mod consequence;
 pub mod court;
 pub mod exchange;
+pub mod features;
 pub mod least_squares;
 pub mod picture;
 pub mod prior;

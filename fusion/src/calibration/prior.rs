@@ -40,6 +40,31 @@ impl LensSigma {
     pub const ROUGH: Self = Self { focal: 3e-3, aspect: 2e-4, center_px: 2.0, k1: 5e-3 };
     /// From a data sheet.
     pub const NOMINAL: Self = Self { focal: 0.03, aspect: 5e-4, center_px: 8.0, k1: 0.05 };
+
+    /// Of both lenses' numbers, left then right, as the rig itself says if it does.
+    #[must_use]
+    pub fn covariance_of(&self, rig: &Rig) -> DMatrix<f64> {
+        let Some(known) = rig.covariance() else { return self.covariance(rig) };
+        let place = |i: usize| first_of(Camera::BOTH[i / OPTICS]) + i % OPTICS;
+        DMatrix::from_fn(LENSES, LENSES, |i, j| known[(place(i), place(j))])
+    }
+
+    fn covariance(&self, rig: &Rig) -> DMatrix<f64> {
+        let mut covariance = DMatrix::zeros(LENSES, LENSES);
+        for camera in Camera::BOTH {
+            let [fx, fy] = rig.eye(camera).lens.focal_px();
+            let first = camera.idx() * OPTICS;
+            let (common, own) = (self.focal.powi(2), 0.5 * self.aspect.powi(2));
+            covariance[(first, first)] = fx * fx * (common + own);
+            covariance[(first + 1, first + 1)] = fy * fy * (common + own);
+            covariance[(first, first + 1)] = fx * fy * (common - own);
+            covariance[(first + 1, first)] = fx * fy * (common - own);
+            covariance[(first + 2, first + 2)] = self.center_px.powi(2);
+            covariance[(first + 3, first + 3)] = self.center_px.powi(2);
+            covariance[(first + 4, first + 4)] = self.k1.powi(2);
+        }
+        covariance
+    }
 }
 
 /// What is known, with its information matrix.
@@ -71,20 +96,7 @@ impl Prior {
     /// Of lenses that are this sure, and cameras that stand anywhere.
     #[must_use]
     pub fn of_lenses(rig: &Rig, sigma: &LensSigma) -> Option<Self> {
-        let mut covariance = DMatrix::zeros(LENSES, LENSES);
-        for camera in Camera::BOTH {
-            let [fx, fy] = rig.eye(camera).lens.focal_px();
-            let first = camera.idx() * OPTICS;
-            let (common, own) = (sigma.focal.powi(2), 0.5 * sigma.aspect.powi(2));
-            covariance[(first, first)] = fx * fx * (common + own);
-            covariance[(first + 1, first + 1)] = fy * fy * (common + own);
-            covariance[(first, first + 1)] = fx * fy * (common - own);
-            covariance[(first + 1, first)] = fx * fy * (common - own);
-            covariance[(first + 2, first + 2)] = sigma.center_px.powi(2);
-            covariance[(first + 3, first + 3)] = sigma.center_px.powi(2);
-            covariance[(first + 4, first + 4)] = sigma.k1.powi(2);
-        }
-        Self::with_covariance(rig, covariance)
+        Self::with_covariance(rig, sigma.covariance(rig))
     }
 
     fn with_covariance(rig: &Rig, mut covariance: DMatrix<f64>) -> Option<Self> {

@@ -1,12 +1,10 @@
 //! `calibrate court`: two pictures of the empty court in, rig.toml out.
 
-use crate::files::{Outputs, rig_from};
+use crate::files::{Lens, Outputs, rig_from};
 use crate::{overlay, pictures};
 use anyhow::Context as _;
-use clap::ValueEnum;
 use fusion::calibration::court::guess::Range;
 use fusion::calibration::court::{self, CourtCalibration, Settings};
-use fusion::calibration::prior::LensSigma;
 use fusion::calibration::report::{self, CameraReport, PairReport, Refused, Report};
 use fusion::calibration::siting::Site;
 use shm_layout::Camera;
@@ -53,17 +51,6 @@ pub struct Args {
     outputs: Outputs,
 }
 
-/// [`LensSigma`] on the command line.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Lens {
-    /// As the rig says.
-    Exact,
-    /// Of this kind of camera: focal length to 0.3 %, centre to 2 px, k1 to 0.005.
-    Rough,
-    /// From a data sheet: focal length to 3 %, centre to 8 px, k1 to 0.05.
-    Nominal,
-}
-
 /// # Errors
 /// Files that cannot be read or written, and pictures that show no tennis court.
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -101,11 +88,7 @@ fn settings_of(args: &Args) -> anyhow::Result<Settings> {
     let by_default = if args.rig.is_some() { Lens::Rough } else { Lens::Nominal };
     Ok(Settings {
         range: Range::default(),
-        lens: match args.lens.unwrap_or(by_default) {
-            Lens::Exact => LensSigma::EXACT,
-            Lens::Rough => LensSigma::ROUGH,
-            Lens::Nominal => LensSigma::NOMINAL,
-        },
+        lens: args.lens.unwrap_or(by_default).sigma(),
         baseline_m: 1e-3 * args.baseline_mm,
         others_m: 1e-3 * args.line_mm,
         paint_sigma_m: 1e-3 * args.paint_mm,

@@ -2,6 +2,7 @@
 
 use anyhow::Context as _;
 use fusion::Rig;
+use fusion::calibration::prior::LensSigma;
 use fusion::calibration::report::Report;
 use std::path::{Path, PathBuf};
 
@@ -28,6 +29,28 @@ impl Outputs {
             std::fs::write(json, text + "\n").with_context(|| json.display().to_string())?;
         }
         Ok(())
+    }
+}
+
+/// [`LensSigma`] on the command line.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum Lens {
+    /// As the rig says.
+    Exact,
+    /// Of this kind of camera: focal length to 0.3 %, centre to 2 px, k1 to 0.005.
+    Rough,
+    /// From a data sheet: focal length to 3 %, centre to 8 px, k1 to 0.05.
+    Nominal,
+}
+
+impl Lens {
+    /// How sure that is.
+    pub fn sigma(self) -> LensSigma {
+        match self {
+            Self::Exact => LensSigma::EXACT,
+            Self::Rough => LensSigma::ROUGH,
+            Self::Nominal => LensSigma::NOMINAL,
+        }
     }
 }
 

@@ -5,6 +5,7 @@ mod board;
 mod chessboard;
 mod court;
 mod export;
+mod features;
 mod files;
 mod import;
 mod overlay;
@@ -27,6 +28,7 @@ struct Flags {
 enum Method {
     Chessboard(chessboard::Args),
     Court(court::Args),
+    Features(features::Args),
     Ball(ball::Args),
     /// Reads a rig that another tool calibrated: OpenCV, ROS, Kalibr.
     Import(import::Args),
@@ -40,13 +42,14 @@ enum Method {
 
 fn run(flags: Flags) -> anyhow::Result<()> {
     match flags.method {
-        Method::Court(args) => court::run(&args),
         Method::Chessboard(args) => chessboard::run(&args),
+        Method::Court(args) => court::run(&args),
+        Method::Features(args) => features::run(&args),
+        Method::Ball(args) => ball::run(&args),
         Method::Import(args) => import::run(&args),
         Method::Export(args) => export::run(&args),
         Method::Board(args) => board::run(&args),
         Method::Siting(args) => siting::run(&args),
-        Method::Ball(args) => ball::run(&args),
     }
 }
 

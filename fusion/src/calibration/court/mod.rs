@@ -206,8 +206,9 @@ pub fn from_pictures(
     Ok(CourtCalibration { fitted, guesses, pieces, blur_px, lines })
 }
 
-/// Where the cameras are said to stand in the court.
-fn rough_poses(start: &Rig) -> Option<[IsometryMatrix3<f64>; 2]> {
+/// Where the cameras are said to stand in the court; of a rig without one, as those of the thesis.
+#[must_use]
+pub fn rough_poses(start: &Rig) -> Option<[IsometryMatrix3<f64>; 2]> {
     match start.mounting() {
         Mounting::Court { court_from_left, court_from_right } => {
             Some([*court_from_left, *court_from_right])
