@@ -129,7 +129,10 @@ fn words(found: &FeatureCalibration, report: &Report) -> String {
     );
     if let Some([x, y, z]) = report.pair.as_ref().and_then(|pair| pair.far_point_sigma_m) {
         let [x, y, z] = [x, y, z].map(|v| 100.0 * v);
-        text += &format!("a point {:.0} m ahead: ± {x:.1} cm across, {y:.1} up, {z:.1} away\n");
+        text += &format!(
+            "a point {:.0} m ahead: ± {x:.1} cm across, {y:.1} up, {z:.1} away\n",
+            report::FAR_M
+        );
     }
     text
 }
