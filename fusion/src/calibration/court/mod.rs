@@ -5,8 +5,8 @@
 //! to a twentieth of one; and for both together [`fitted`].
 //!
 //! The pictures should be averages of some dozen frames, so that noise is small and people are gone
-//! (`capture --background`). Grey levels are turned into light by the sRGB curve first. Net cord and posts are not used: their height is that of whoever set
-//! them up.
+//! (`capture --background`). Grey levels are turned into light by the sRGB curve first.
+//! Net cord and posts are not used: their height is that of whoever set them up.
 
 #[cfg(test)]
 mod drawn;
