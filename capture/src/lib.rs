@@ -6,8 +6,8 @@
 //!
 //! [`average`] is for calibration: what stands still in a recording, as one picture.
 //!
-//! Deliberately absent: image processing otherwise, geometry, and a copy of a frame: a source writes straight
-//! into the memory that workers read.
+//! Deliberately absent: image processing otherwise, geometry, and a copy of a frame: a source
+//! writes straight into the memory that workers read.
 #![forbid(unsafe_code)]
 
 pub mod average;

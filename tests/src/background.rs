@@ -22,8 +22,9 @@ const RAYS_PER_SIDE: usize = 5;
 pub enum Rays {
     /// The same in all pixels: no grain of their own.
     Alike,
-    /// Shifted from pixel to pixel. The middle of a line half a pixel thin is then right in the mean
-    /// of ten pixels along it; with rays alike it is where the nearest ray is, up to 0.3 px off.
+    /// Shifted from pixel to pixel. The middle of a line half a pixel thin is then right in the
+    /// mean of ten pixels along it; with rays alike it is where the nearest ray is, up to 0.3 px
+    /// off.
     Shifted,
 }
 /// The sun is not a point: shadows blur by its diameter for each metre of distance.

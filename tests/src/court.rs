@@ -34,8 +34,8 @@ const LINE_REFLECTANCE: f64 = 0.85;
 /// the smaller coordinate and at the other; + is towards +x or +y.
 pub type PaintErrors = [[f64; 2]; LINES.len()];
 
-/// Where paint belongs: whether a line runs along x, from where to where on the other axis the paint
-/// lies, and from where to where the line runs.
+/// Where paint belongs: whether a line runs along x, from where to where on the other axis the
+/// paint lies, and from where to where the line runs.
 pub const LINES: [(bool, [f64; 2], [f64; 2]); 9] = [
     (true, [0.0, BASELINE_M], [-DOUBLES_X_M, DOUBLES_X_M]),
     (true, [NET_Y_M - SERVICE_M, NET_Y_M - SERVICE_M + LINE_M], [-SINGLES_X_M, SINGLES_X_M]),

@@ -2,8 +2,8 @@
 //! far off.
 //!
 //! The camera's lens is not quite what the operator believes, the masts stand somewhere near the
-//! baseline, and each line was painted some millimetres from where it belongs. The operator gives the
-//! rig of the thesis as a guess; the pictures are averages of rendered frames.
+//! baseline, and each line was painted some millimetres from where it belongs. The operator gives
+//! the rig of the thesis as a guess; the pictures are averages of rendered frames.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -113,8 +113,8 @@ pub struct Score {
     pub sigma_m: Vector2<f64>,
 }
 
-/// Writes what an operator would have: `left.png` and `right.png` (16 bits), the guess `start.toml`;
-/// and the truth, `rig.toml`.
+/// Writes what an operator would have: `left.png` and `right.png` (16 bits), the guess
+/// `start.toml`; and the truth, `rig.toml`.
 pub fn write(seed: u64, odds: &Odds, directory: &Path) -> anyhow::Result<()> {
     let scenario = scenario_from_seed(seed, odds);
     std::fs::create_dir_all(directory).with_context(|| directory.display().to_string())?;

@@ -8,8 +8,8 @@
 //!
 //! **What to expect**: drag, wind and above all lift are not known to a flight, so that gravity is
 //! a poor scale: toe-in with a common pitch is hardly told. Thirty serves bring 1 sigma at the far
-//! baseline from 0.9 cm to 0.8, from 2.1 to 1.8, and of a rig known to 0.02° and 1 cm each from
-//! 5.9 cm to 4.8; what is left has a mean square of 0.7 to 1.2 of that (20 rigs each, 0.1 px). Relative
+//! baseline from 0.9 cm to 0.8, from 2.1 to 1.8, and of a rig known to 0.02° and 1 cm each from 5.9
+//! cm to 4.8; what is left has a mean square of 0.7 to 1.2 of that (20 rigs each, 0.1 px). Relative
 //! pitch and roll come out well. So balls confirm court lines, and do not replace them.
 //!
 //! What no flight tells (where the court is along the ground, and which way it points) stays as it

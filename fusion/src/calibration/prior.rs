@@ -116,6 +116,14 @@ impl Prior {
         self.information.nrows() > LENSES
     }
 
+    /// The same of the lenses alone.
+    #[must_use]
+    pub fn of_its_lenses(&self) -> Option<Self> {
+        let covariance = solved::inverse(self.information.nrows(), &self.information)?;
+        let covariance = DMatrix::from_fn(LENSES, LENSES, |i, j| covariance[(i, j)]);
+        Self::with_covariance(&self.rig, covariance)
+    }
+
     /// Adds what this knows to a problem whose first unknowns are a step of a rig.
     pub fn add(&self, rig: &Rig, normal: &mut Normal) {
         let n = self.information.nrows();

@@ -1,21 +1,21 @@
 //! A fitted flight -> what it says of the rig.
 //!
-//! A flight that does not fit may be a flight through other cameras than the rig says. Its residuals
-//! are differentiated by the rig's thirty numbers too, and its own 17 unknowns are taken out (Schur
-//! complement): what is left is how its least cost rises with a change of the rig,
-//! `½ δᵀ information δ + gradientᵀ δ`. Such sums of many flights are what calibration from balls
-//! and the watch over a rig are made of.
+//! A flight that does not fit may be a flight through other cameras than the rig says. Its
+//! residuals are differentiated by the rig's thirty numbers too, and its own 17 unknowns are taken
+//! out (Schur complement): what is left is how its least cost rises with a change of the rig, `½ δᵀ
+//! information δ + gradientᵀ δ`. Such sums of many flights are what calibration from balls and the
+//! watch over a rig are made of.
 //!
 //! Beside the rig there is more that the flights of a session share and that pulls all of them one
 //! way: light on the ball ([`fit::BIASES`]), the drag of its balls and the wind. Added up without
 //! them, a hundred flights in the same wind would be sure of a rig that is not there. So these have
 //! columns of their own, in their own sigmas, with one common prior: [`AFTER_RIG`].
 //!
-//! **Honest, and linear**: what a turned camera does to a flight gathers in the few sightings around
-//! the bounce, which Student's t takes for odd ones: of 0.05° of toe-in it would tell 0.01. Here a
-//! residual pulls in proportion up to `PULL_MAX`, from where the flight was fitted (one step of
-//! Newton). Residuals count as their own scatter has it, so that the inverse of the information is
-//! the covariance of what it tells.
+//! **Honest, and linear**: what a turned camera does to a flight gathers in the few sightings
+//! around the bounce, which Student's t takes for odd ones: of 0.05° of toe-in it would tell 0.01.
+//! Here a residual pulls in proportion up to `PULL_MAX`, from where the flight was fitted (one step
+//! of Newton). Residuals count as their own scatter has it, so that the inverse of the information
+//! is the covariance of what it tells.
 
 use crate::flight::fit::{self, BIASES, FREE_MIN, Fit};
 use crate::flight::fitted::{Fitted, Scene, slope_and_off};

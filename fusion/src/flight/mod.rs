@@ -2,8 +2,9 @@
 //!
 //! In this order: [`unknowns`] (what is fitted, and what is known of it beforehand), [`model`]
 //! (where the ball is with these unknowns, with derivatives), [`noise`] (what residuals are worth),
-//! [`fit`] (the most likely unknowns), [`evidence`] (what it says of the rig). [`Flight`] asks the fitted model for what people want to
-//! know; each answer's covariance is that of the unknowns through its own derivative.
+//! [`fit`] (the most likely unknowns), [`evidence`] (what it says of the rig). [`Flight`] asks the
+//! fitted model for what people want to know; each answer's covariance is that of the unknowns
+//! through its own derivative.
 
 pub mod evidence;
 pub mod fit;

@@ -16,8 +16,8 @@
 //! around the bounce that tell most of toe-in are not left out. 0.05° is then told by the third
 //! shot; with a rig that says nothing by the fourth to eleventh.
 //!
-//! **Then**: recalibrate. If what is left of the shift would be known to a quarter of it, a refined rig
-//! comes with the news; nobody uses it without being asked to.
+//! **Then**: recalibrate. If what is left of the shift would be known to a quarter of it, a refined
+//! rig comes with the news; nobody uses it without being asked to.
 
 pub mod turn;
 pub mod words;

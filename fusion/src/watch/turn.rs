@@ -1,12 +1,12 @@
 //! What was known before, and the evidence of the last shots -> which camera has turned, and how
 //! sure that is.
 //!
-//! Stories: the left camera has turned, the right one has, both have, about all of the camera's x, y
-//! and z; or one of them about one of these. The evidence G, W of the last shots is `G = −W (δ + H t) + noise`; δ is what was believed of the
-//! rig, of light and of the air, with its covariance. Each story's odds against "nothing has
-//! turned" are the ratio of likelihoods with the turn averaged over what a bump may be (Bayes
-//! factor), so that three numbers are no excuse. Odds of c are exceeded by chance once in c
-//! (Markov), whatever the flights tell.
+//! Stories: the left camera has turned, the right one has, both have, about all of the camera's x,
+//! y and z; or one of them about one of these. The evidence G, W of the last shots is `G = −W (δ +
+//! H t) + noise`; δ is what was believed of the rig, of light and of the air, with its covariance.
+//! Each story's odds against "nothing has turned" are the ratio of likelihoods with the turn
+//! averaged over what a bump may be (Bayes factor), so that three numbers are no excuse. Odds of c
+//! are exceeded by chance once in c (Markov), whatever the flights tell.
 
 use crate::calibration::belief::Belief;
 use crate::flight::evidence::{Evidence, SharedColumn, SharedMatrix};

@@ -12,9 +12,9 @@ use std::path::PathBuf;
 
 /// The court's white lines in one averaged picture of each camera, to where the cameras stand.
 ///
-/// The pictures are made by `background`. A guess of the rig is enough to start from: cameras within
-/// 1.2 m (and 1.5 m in height) of it, turned by less than 8 degrees. Of a rig that was calibrated
-/// before, what it is sure of is kept: a chessboard's lenses and the cameras' relation.
+/// The pictures are made by `background`. A guess of the rig is enough to start from: cameras
+/// within 1.2 m (and 1.5 m in height) of it, turned by less than 8 degrees. Of a rig that was
+/// calibrated before, what it is sure of is kept: a chessboard's lenses and the cameras' relation.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Picture of the left camera.
@@ -159,8 +159,8 @@ fn words(found: &CourtCalibration, report: &Report) -> String {
     text += &format!("{:.4} m apart (1 sigma {sigma_mm:.1} mm)\n", pair.baseline_m);
     text += &match pair.far_bounce_sigma_m {
         Some([across_m, along_m]) => format!(
-            "at the far baseline a bounce is off by {:.2} cm along and {:.2} cm across (1 sigma) by \
-             the calibration alone\n",
+            "at the far baseline a bounce is off by {:.2} cm along and {:.2} cm across (1 sigma) \
+             by the calibration alone\n",
             100.0 * along_m,
             100.0 * across_m
         ),

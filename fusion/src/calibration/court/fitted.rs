@@ -2,8 +2,8 @@
 //!
 //! Maximum likelihood: each piece's distance across its line in px, Huber's loss. Both cameras see
 //! the same paint, so how far each line lies from where the rules put it is an unknown of its own
-//! (two for a line: at its beginning and its end), known to the painter's sigma. What is known of the
-//! lenses beforehand comes in as a [`Prior`].
+//! (two for a line: at its beginning and its end), known to the painter's sigma. What is known of
+//! the lenses beforehand comes in as a [`Prior`].
 
 use crate::calibration::court::paint::{LINES, Line};
 use crate::calibration::court::profiles::Piece;

@@ -1,10 +1,10 @@
 //! Bright lines in a picture, and roughly where the camera stands -> where it stands, to a pixel.
 //!
 //! Two lines across and two along, each taken for one of the court's, make a rectangle seen in
-//! perspective, and so a pose (a homography and its decomposition, Zhang 2000, section 2). Every such
-//! choice that the rough pose allows is tried; the pose under which most of the court's lines lie on
-//! bright ridges of their direction is the one. Lines behind the net, behind people or out of
-//! sight may be missing, and fences, posts and other courts' lines may be too many.
+//! perspective, and so a pose (a homography and its decomposition, Zhang 2000, section 2). Every
+//! such choice that the rough pose allows is tried; the pose under which most of the court's lines
+//! lie on bright ridges of their direction is the one. Lines behind the net, behind people or out
+//! of sight may be missing, and fences, posts and other courts' lines may be too many.
 
 use crate::calibration::court::paint::{LINES, Line, Runs};
 use crate::calibration::court::perspective::{ideal_from_unit_square, pose_from_homography};

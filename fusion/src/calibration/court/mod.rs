@@ -22,11 +22,12 @@ pub mod segments;
 use crate::calibration::picture::Picture;
 use crate::calibration::prior::{LensSigma, Prior};
 use crate::calibration::siting::Site;
+use crate::world::adjustment::{self, POSE, relation, relation_by_rig};
 use crate::world::camera::Lens;
 use crate::world::rig::{Mounting, Rig};
 use fitted::Fitted;
 use guess::{Guess, Range};
-use nalgebra::IsometryMatrix3;
+use nalgebra::{IsometryMatrix3, SVector};
 use paint::{LINES, Line};
 use profiles::{Piece, View};
 use shm_layout::Camera;
@@ -116,6 +117,15 @@ pub enum Refused {
         /// What would be accepted.
         max_px: f64,
     },
+    /// What the rig was sure of does not fit the lines.
+    #[error(
+        "the lines do not fit what the rig is sure of, how its cameras stand to each other: \
+             {sigmas:.0} sigmas off; calibrate that again, or leave [calibration] out of it"
+    )]
+    Contradicted {
+        /// How far off, in sigmas.
+        sigmas: f64,
+    },
     /// The equations have no solution.
     #[error("the lines seen do not tell where the cameras stand")]
     Open,
@@ -141,6 +151,10 @@ const SHARE_MIN: f64 = 0.5;
 
 /// Lines are this near in the end, px RMS.
 const RMS_MAX_PX: f64 = 0.5;
+
+/// Cameras whose relation the lines see otherwise by so many sigmas were moved since: of six
+/// numbers, one in a million by chance.
+const CONTRADICTED_SIGMAS: f64 = 6.2;
 
 /// How far from its last pose a line is looked for, round by round.
 const WITHIN_PX: [f64; 3] = [3.0, 2.0, 2.0];
@@ -197,6 +211,17 @@ pub fn from_pictures(
         found = Some((fitted, pieces));
     }
     let (fitted, pieces) = found.ok_or(Refused::Open)?;
+    if prior.has_relation() {
+        // The lines by themselves: together with a wrong relation they would only look noisy.
+        let lenses = prior.of_its_lenses().ok_or(Refused::Open)?;
+        let seen = pieces.each_ref().map(Vec::as_slice);
+        let alone = fitted::from_pieces(seen, &lines, &rig, &lenses, settings.paint_sigma_m);
+        let alone = alone.ok_or(Refused::Open)?;
+        let sigmas = apart_in_sigmas(start, &alone.rig).ok_or(Refused::Open)?;
+        if sigmas > CONTRADICTED_SIGMAS {
+            return Err(Refused::Contradicted { sigmas });
+        }
+    }
     for camera in Camera::BOTH {
         let rms_px = fitted.rms_px[camera.idx()];
         if rms_px > RMS_MAX_PX {
@@ -204,6 +229,17 @@ pub fn from_pictures(
         }
     }
     Ok(CourtCalibration { fitted, guesses, pieces, blur_px, lines })
+}
+
+/// How far the cameras' relation in one rig is from that in another, in sigmas of both.
+fn apart_in_sigmas(a: &Rig, b: &Rig) -> Option<f64> {
+    let off = adjustment::step_between(&relation(a), &relation(b));
+    let of = |rig: &Rig| {
+        let by_rig = relation_by_rig(rig);
+        Some(by_rig * rig.covariance()? * by_rig.transpose())
+    };
+    let off = SVector::<f64, POSE>::from(off);
+    Some(off.dot(&(of(a)? + of(b)?).cholesky()?.solve(&off)).sqrt())
 }
 
 /// Where the cameras are said to stand in the court; of a rig without one, as those of the thesis.

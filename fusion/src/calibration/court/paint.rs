@@ -1,7 +1,7 @@
 //! The lines of a tennis court as stripes of paint: where their middles run, and how wide they are.
 //!
-//! ITF Rules of Tennis 2024, rule 1: lengths are measured to the outer edges of lines, except for the
-//! centre service line, which is centred. "The centre service line and centre mark shall be 2
+//! ITF Rules of Tennis 2024, rule 1: lengths are measured to the outer edges of lines, except for
+//! the centre service line, which is centred. "The centre service line and centre mark shall be 2
 //! inches (5 cm) wide. The other lines of the court shall be between 1 inch (2.5 cm) and 2 inches
 //! (5 cm) wide, except that the baselines may be up to 4 inches (10 cm) wide."
 

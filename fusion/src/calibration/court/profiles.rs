@@ -1,12 +1,12 @@
 //! Picture, pose -> how far each piece of each line lies beside where the pose expects it.
 //!
-//! A stripe of paint is two edges. Across a short piece of it brightness is fitted by
-//! `inside + (paint − inside) E(d + w/2) + (outside − paint) E(d − w/2)`: `d` is the distance
-//! across the line, px, less the offset that is sought, `w` the width of the paint as the pose sees
-//! it, and `E` an edge as blurred as this picture is. Brightness is light, not grey level: a thin
-//! line in grey levels is pulled by up to a tenth of a pixel, this way and that. Ground may differ on the two sides (a court
-//! and its run-off do), which pulls a centroid but not this. Pixels are used as they are: nothing
-//! is interpolated, and the lens bends the model, not the picture.
+//! A stripe of paint is two edges. Across a short piece of it brightness is fitted by `inside +
+//! (paint − inside) E(d + w/2) + (outside − paint) E(d − w/2)`: `d` is the distance across the
+//! line, px, less the offset that is sought, `w` the width of the paint as the pose sees it, and
+//! `E` an edge as blurred as this picture is. Brightness is light, not grey level: a thin line in
+//! grey levels is pulled by up to a tenth of a pixel, this way and that. Ground may differ on the
+//! two sides (a court and its run-off do), which pulls a centroid but not this. Pixels are used as
+//! they are: nothing is interpolated, and the lens bends the model, not the picture.
 
 use crate::calibration::court::paint::Line;
 use crate::calibration::picture::Picture;

@@ -1,9 +1,9 @@
 //! Picture -> points on the ridges of bright lines, with the direction of the line.
 //!
 //! Steger (1998), "An unbiased detector of curvilinear structures": where the second derivative
-//! across a line is most negative and the first one vanishes within the pixel. Derivatives are those
-//! of a Gaussian. A line wider than about 3.5 times its sigma has two ridges, so a few sizes are
-//! tried and each pixel keeps the one that answers most.
+//! across a line is most negative and the first one vanishes within the pixel. Derivatives are
+//! those of a Gaussian. A line wider than about 3.5 times its sigma has two ridges, so a few sizes
+//! are tried and each pixel keeps the one that answers most.
 
 use crate::calibration::picture::Picture;
 

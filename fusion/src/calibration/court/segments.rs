@@ -1,9 +1,10 @@
 //! Ridge points -> straight pieces of bright lines.
 //!
 //! A Hough transform of oriented points: each votes only for lines near its own direction, so that
-//! leaves and mesh vote for nothing in particular. The strongest line is fitted to its points (total
-//! least squares), they are taken out, and the next one is looked for. A line is about straight even
-//! through a wide lens: 3 px of bow are allowed here; the fit that follows bends its model instead.
+//! leaves and mesh vote for nothing in particular. The strongest line is fitted to its points
+//! (total least squares), they are taken out, and the next one is looked for. A line is about
+//! straight even through a wide lens: 3 px of bow are allowed here; the fit that follows bends its
+//! model instead.
 
 use crate::calibration::court::ridges::RidgePoint;
 use std::f64::consts::PI;

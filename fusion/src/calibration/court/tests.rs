@@ -103,8 +103,8 @@ fn people_on_the_lines_do_not_matter() {
     assert!(apart_px(&truth, &calibration.fitted.rig) < 0.1);
 }
 
-/// Badminton (BWF Laws of Badminton, diagram A) has as many lines, all in other places; a volleyball
-/// court has few.
+/// Badminton (BWF Laws of Badminton, diagram A) has as many lines, all in other places; a
+/// volleyball court has few.
 fn other_courts() -> [Vec<Line>; 2] {
     let line = |runs, middle_m, span_m| Line { name: "", runs, middle_m, span_m, width_m: 0.04 };
     let across = |y: f64, half: f64| line(Runs::Across, 12.0 + y, [-half, half]);
@@ -159,9 +159,8 @@ fn a_picture_without_lines_is_refused() {
     assert_eq!(refused, "the left picture is 320x240, the rig's camera has 640x480");
 }
 
-#[test]
-fn what_a_chessboard_said_is_kept_and_the_court_put_under_it() {
-    let truth = pretend::reference_rig();
+/// A rig that knows no court, and its cameras' relation to 1 mm and 0.006 degrees.
+fn stereo() -> Rig {
     let right = first_of(Camera::Right) + OPTICS;
     let covariance = adjustment::RigCovariance::from_fn(|i, j| match i {
         _ if i != j => 0.0,
@@ -170,9 +169,14 @@ fn what_a_chessboard_said_is_kept_and_the_court_put_under_it() {
         _ if i >= right => 1e-8,
         _ => 0.0,
     });
-    let stereo = pretend::courtless_rig().with_covariance(covariance).unwrap();
+    pretend::courtless_rig().with_covariance(covariance).unwrap()
+}
+
+#[test]
+fn what_a_chessboard_said_is_kept_and_the_court_put_under_it() {
+    let truth = pretend::reference_rig();
     let pictures = pictures_of(&truth, &paint::lines(0.1, 0.05));
-    let calibration = from_pictures(pictures.each_ref(), &stereo, &Settings::default()).unwrap();
+    let calibration = from_pictures(pictures.each_ref(), &stereo(), &Settings::default()).unwrap();
     let rig = &calibration.fitted.rig;
     assert!(apart_px(&truth, rig) < 0.1);
     let relation = adjustment::relation(rig).translation.vector;
@@ -180,4 +184,16 @@ fn what_a_chessboard_said_is_kept_and_the_court_put_under_it() {
     assert!((relation - expected).norm() < 1e-3, "{relation}");
     let axes = rig.tracking_from(Camera::Left).rotation * Vector3::x();
     assert!((axes.z).abs() < 1e-3, "the left camera stands level");
+}
+
+#[test]
+fn a_rig_that_is_sure_of_what_the_lines_contradict_is_refused() {
+    let pictures = pictures_of(&pretend::reference_rig(), &paint::lines(0.1, 0.05));
+    let mut step = RigStep::zeros();
+    step[first_of(Camera::Right) + OPTICS + 1] = 0.003; // 0.17 degrees of toe-in
+    let covariance = *stereo().covariance().unwrap();
+    let wrong = stereo().adjusted(&step).unwrap().with_covariance(covariance).unwrap();
+    let refused = from_pictures(pictures.each_ref(), &wrong, &Settings::default()).err();
+    println!("{refused:?}");
+    assert!(matches!(refused, Some(Refused::Contradicted { .. })));
 }
