@@ -179,9 +179,9 @@ fn what_a_chessboard_said_is_kept_and_the_court_put_under_it() {
     let calibration = from_pictures(pictures.each_ref(), &stereo(), &Settings::default()).unwrap();
     let rig = &calibration.fitted.rig;
     assert!(apart_px(&truth, rig) < 0.1);
-    let relation = adjustment::relation(rig).translation.vector;
-    let expected = adjustment::relation(&truth).translation.vector;
-    assert!((relation - expected).norm() < 1e-3, "{relation}");
+    let found = relation(rig).translation.vector;
+    let expected = relation(&truth).translation.vector;
+    assert!((found - expected).norm() < 1e-3, "{found}");
     let axes = rig.tracking_from(Camera::Left).rotation * Vector3::x();
     assert!((axes.z).abs() < 1e-3, "the left camera stands level");
 }
