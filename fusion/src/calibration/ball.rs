@@ -20,7 +20,7 @@ use crate::calibration::belief::Belief;
 use crate::calibration::consequence;
 use crate::flight::evidence::Evidence;
 use crate::watch::turn::{News, Story};
-use crate::world::adjustment::{OPTICS, POSE, RIG, RigCovariance, RigStep, first_of, step_between};
+use crate::world::adjustment::{OPTICS, RIG, RigCovariance, RigStep, first_of};
 use crate::world::rig::Rig;
 use crate::{Error, FrameCandidates, Fusion, Outcome, Settings};
 use nalgebra::{Matrix3, Vector3};
@@ -123,7 +123,7 @@ pub fn refined(
             return Err(refused(format!("{n_flights} flights measured"), n_rounds));
         }
         let sum = heard.sum(&belief.about(&belief.step()));
-        let known = before.about(&change(rig, &now));
+        let known = before.about(&rig.step_to(&now));
         belief = known
             .updated(&sum)
             .ok_or_else(|| refused("flights that lead nowhere".to_owned(), n_rounds))?;
@@ -142,22 +142,6 @@ fn refused(got: String, n_rounds: usize) -> Error {
         got: format!("{got} with it in round {n_rounds}"),
         expected: "a rig that is near enough, and at least 3 flights seen by both cameras",
     }
-}
-
-/// What leads from one rig to another, in its poses and lenses.
-#[must_use]
-pub fn change(from: &Rig, to: &Rig) -> RigStep {
-    let mut step = RigStep::zeros();
-    for camera in Camera::BOTH {
-        let first = first_of(camera);
-        let [a, b] = [from, to].map(|rig| rig.eye(camera).lens.optics());
-        for (i, (a, b)) in a.iter().zip(b).enumerate() {
-            step[first + i] = b - a;
-        }
-        let pose = step_between(&from.tracking_from(camera), &to.tracking_from(camera));
-        step.fixed_rows_mut::<POSE>(first + OPTICS).copy_from_slice(&pose);
-    }
-    step
 }
 
 /// Whether a step matters neither at the far baseline nor, if that is not seen, to any number.
@@ -275,7 +259,7 @@ mod tests {
             assert!(refined.has_settled, "{refined:?}");
             let covariance = refined.rig.covariance().unwrap();
             let now = consequence::at_far_baseline(&exact, covariance).unwrap();
-            let off_m = consequence::shifted_by(&exact, &change(&exact, &refined.rig)).unwrap();
+            let off_m = consequence::shifted_by(&exact, &exact.step_to(&refined.rig)).unwrap();
             let sigmas = [off_m.y / now.along_m, off_m.x / now.across_m];
             squares = [0, 1].map(|i| squares[i] + sigmas[i] * sigmas[i] / n_rigs as f64);
             along_m = now.along_m;
@@ -301,14 +285,6 @@ mod tests {
         let courtless = pretend::courtless_rig();
         let error = refined(&courtless, &prior_of(&courtless), &[], &settings).unwrap_err();
         assert!(error.to_string().contains("left.position_in_court_m"), "{error}");
-    }
-
-    #[test]
-    fn the_change_between_two_rigs_is_the_step_that_was_made() {
-        let rig = pretend::reference_rig();
-        let step = RigStep::from_fn(|i, _| 1e-4 * (i as f64 - 14.0));
-        let there = rig.adjusted(&step).unwrap();
-        assert!((change(&rig, &there) - step).amax() < 1e-9);
     }
 
     #[test]
