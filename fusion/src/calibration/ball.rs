@@ -140,8 +140,8 @@ pub fn refined(
     Ok(Refined { rig, n_flights, rms_px, n_rounds, has_settled })
 }
 
-/// How wrong the rig may be for the chain that measures: with doubt of degrees any spot could be the
-/// ball's, and nothing would be one. What is farther off is drawn in round by round.
+/// How wrong the rig may be for the chain that measures: with doubt of degrees any spot could be
+/// the ball's, and nothing would be one. What is farther off is drawn in round by round.
 fn gates_of(covariance: &RigCovariance) -> RigCovariance {
     let most = posed(UNSAID_TURN_RAD, UNSAID_PLACE_M);
     let is_poses = |i: usize| most[(i, i)] > 0.0;

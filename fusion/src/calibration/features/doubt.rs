@@ -24,8 +24,8 @@ const STEPS: [f64; OPTICS] = [0.1, 0.1, 0.1, 0.1, 1e-4, 1e-4, 1e-5, 1e-5, 1e-4];
 /// or a corner of the court, are wrong together.
 const PART_PX: f64 = 40.0;
 
-/// Matches are wrong together in more ways than these: with this, the middle one of 17 simulated rigs
-/// is as far off as it says (chi-squared of five numbers 4.3; without it 8.5).
+/// Matches are wrong together in more ways than these: with this, the middle one of 17 simulated
+/// rigs is as far off as it says (chi-squared of five numbers 4.3; without it 8.5).
 const TOGETHER: f64 = 2.0;
 
 /// Rays of matches; None where a lens has no inverse.
