@@ -4,7 +4,7 @@
 //! noise. How its measured bounce answers a change of the rig is linear,
 //! `−(d touch / d unknowns) A⁻¹ B δ`: A is what the sightings and what is known beforehand say of
 //! the flight's unknowns, B how its pixels mix these with the rig's numbers
-//! ([`evidence::response`](crate::flight::evidence::response)). It is what a fit through the other
+//! ([`evidence::response`]). It is what a fit through the other
 //! rig would give (tests), for what physics knows holds against the rig too.
 //!
 //! Far baseline: x is across, y is along.

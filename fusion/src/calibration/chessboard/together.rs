@@ -1,6 +1,6 @@
 //! What both cameras saw of the board -> the rig, with the covariance of its numbers.
 //!
-//! Each lens [alone](super::alone), the cameras' [relation](super::views), then everything at once:
+//! Each lens [`alone`], the cameras' [relation](super::views), then everything at once:
 //! both lenses, the relation, every board. Views that fit together much worse than the others are
 //! refused, the worst first: mis-paired if each picture by itself fits well, an outlier if not.
 

@@ -131,7 +131,7 @@ impl Matched<'_> {
     }
 }
 
-/// `lᵀ M r = 0`: M = [C]× R of the right camera's pose in the left one's frame.
+/// `lᵀ M r = 0`: `M = [C]× R` of the right camera's pose in the left one's frame.
 #[must_use]
 pub fn bilinear_of(left_from_right: &UnitPose) -> Matrix3<f64> {
     left_from_right.translation.vector.cross_matrix() * left_from_right.rotation.matrix()

@@ -1,7 +1,7 @@
 //! Averaged pictures of both cameras -> how the cameras stand to each other, up to scale.
 //!
-//! [`corners`] (salient points), [`patch`] (what they look like) and [`matches`] (the same in both
-//! pictures), [`essential`] (eight points to a pose), [`consensus`] (which matches are right),
+//! [`corners`] (salient points), [`patch`] (what they look like) and [`mod@matches`] (the same in
+//! both pictures), [`essential`] (eight points to a pose), [`consensus`] (which matches are right),
 //! [`five`] (the most likely pose), [`flat`] (whether it is determined at all) and [`doubt`] (how
 //! sure all of it is). Twice more with what was found: a better guess finds more matches.
 //!
