@@ -5,7 +5,8 @@
 
 use crate::calibration::consequence;
 use crate::world::adjustment::{CAMERA, RIG, first_of, name_of, relation, relation_by_rig};
-use crate::world::camera::Lens;
+use crate::world::camera::{Lens, RawPixel};
+use crate::world::rectification::Rectification;
 use crate::world::rig::Rig;
 use nalgebra::{Matrix3, Point3, SMatrix, Vector3};
 use serde::Serialize;
@@ -108,6 +109,22 @@ pub fn baseline_m(rig: &Rig) -> [f64; 2] {
     let by_rig = shift.normalize().transpose() * by_shift;
     let variance = rig.covariance().map_or(0.0, |c| (by_rig * c * by_rig.transpose())[(0, 0)]);
     [shift.norm(), variance.max(0.0).sqrt()]
+}
+
+/// RMS difference of the rows in which the two cameras see the same points, after rectification;
+/// points outside of what a lens is known for do not count.
+#[must_use]
+pub fn row_error_rms_px(rig: &Rig, points: impl Iterator<Item = [RawPixel; 2]>) -> f64 {
+    let rectification = Rectification::from_rig(rig);
+    let row = |camera, pixel| rectification.rectified_from_raw(camera, pixel).map(|p| p.y_px);
+    let (mut n, mut squares) = (0.0, 0.0);
+    for [left, right] in points {
+        if let (Some(l), Some(r)) = (row(Camera::Left, left), row(Camera::Right, right)) {
+            squares += (l - r) * (l - r);
+            n += 1.0;
+        }
+    }
+    (squares / f64::max(n, 1.0)).sqrt()
 }
 
 /// 1 sigma of a point's place along x, y and z of the tracking frame, as far as the rig's numbers

@@ -227,6 +227,15 @@ impl Rig {
         Ok(Self { covariance: Some(Box::new(covariance)), ..self })
     }
 
+    /// The same cameras, ball and launcher with the cameras elsewhere; how sure that is, nobody
+    /// said.
+    ///
+    /// # Errors
+    /// As [`Rig::new`].
+    pub fn with_mounting(&self, mounting: Mounting) -> Result<Self, Error> {
+        Self::new(self.eyes, mounting, self.ball, self.launcher_in_court_m)
+    }
+
     /// What bends a flight in the tracking frame; without a court no gravity is assumed.
     #[must_use]
     pub fn physics(&self) -> Physics {

@@ -1,5 +1,6 @@
 //! `calibrate board`: a chessboard to print.
 
+use crate::files::two_from;
 use anyhow::{Context, bail};
 use fusion::calibration::board::Board;
 use std::path::PathBuf;
@@ -22,10 +23,7 @@ pub struct Args {
 }
 
 fn corners(text: &str) -> Result<[u32; 2], String> {
-    match text.split_once('x').map(|(across, down)| (across.parse(), down.parse())) {
-        Some((Ok(across), Ok(down))) => Ok([across, down]),
-        _ => Err("expected inner corners across and down, as 9x6".to_owned()),
-    }
+    two_from(text).ok_or_else(|| "expected inner corners across and down, as 9x6".to_owned())
 }
 
 fn paper_mm(text: &str) -> Result<[f64; 2], String> {
@@ -34,11 +32,8 @@ fn paper_mm(text: &str) -> Result<[f64; 2], String> {
         "a3" => return Ok([297.0, 420.0]),
         _ => {}
     }
-    let sides = text.strip_suffix("mm").and_then(|sides| sides.split_once('x'));
-    match sides.map(|(width, height)| (width.parse(), height.parse())) {
-        Some((Ok(width), Ok(height))) => Ok([width, height]),
-        _ => Err("expected a4, a3, or millimetres as 420x594mm".to_owned()),
-    }
+    let sides = text.strip_suffix("mm").and_then(two_from);
+    sides.ok_or_else(|| "expected a4, a3, or millimetres as 420x594mm".to_owned())
 }
 
 /// Draws, writes, and says how to print.

@@ -1,6 +1,6 @@
 //! `calibrate chessboard`: pictures of a chessboard in, rig.toml out.
 
-use crate::files::Outputs;
+use crate::files::{Outputs, two_from};
 use crate::pictures::{self, View, views_in, views_of};
 use anyhow::{Context as _, bail, ensure};
 use clap::ValueEnum;
@@ -74,8 +74,7 @@ impl Distortion {
 }
 
 fn counts_from(text: &str) -> Result<[usize; 2], String> {
-    let counts = text.split_once('x').and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
-    counts.ok_or_else(|| "expected two counts of inner corners, like 9x6".to_owned())
+    two_from(text).ok_or_else(|| "expected two counts of inner corners, like 9x6".to_owned())
 }
 
 /// What a picture showed, and its size.

@@ -54,6 +54,12 @@ impl Lens {
     }
 }
 
+/// `9x6` or `640x480`: two numbers of a kind.
+pub fn two_from<T: std::str::FromStr>(text: &str) -> Option<[T; 2]> {
+    let (first, second) = text.split_once('x')?;
+    Some([first.parse().ok()?, second.parse().ok()?])
+}
+
 /// A rig.toml.
 pub fn rig_from(file: &Path) -> anyhow::Result<Rig> {
     let place = file.display().to_string();

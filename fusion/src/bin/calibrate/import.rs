@@ -1,5 +1,6 @@
 //! `calibrate import`: files of OpenCV, ROS or Kalibr in, rig.toml out.
 
+use crate::files::two_from;
 use anyhow::{Context, bail};
 use fusion::Rig;
 use fusion::calibration::exchange::document::{Document, TEXT_BYTES_MAX};
@@ -37,11 +38,8 @@ pub struct Args {
 
 /// `640x480`.
 pub fn size_px(text: &str) -> Result<[u32; 2], String> {
-    let sides = text.split_once('x').map(|(w, h)| (w.parse(), h.parse()));
-    match sides {
-        Some((Ok(width), Ok(height))) if width > 0 && height > 0 => Ok([width, height]),
-        _ => Err("expected width and height in pixels, as 640x480".to_owned()),
-    }
+    let sides = two_from(text).filter(|sides: &[u32; 2]| sides.iter().all(|side| *side > 0));
+    sides.ok_or_else(|| "expected width and height in pixels, as 640x480".to_owned())
 }
 
 /// Reads, checks, writes and says what was read.

@@ -12,7 +12,6 @@ use crate::calibration::report;
 use crate::world::adjustment::{OPTICS, POSE, RigCovariance, first_of};
 use crate::world::ball::Ball;
 use crate::world::camera::RawPixel;
-use crate::world::rectification::Rectification;
 use crate::world::rig::{Eye, Mounting, Rig};
 use nalgebra::DMatrix;
 use shm_layout::Camera;
@@ -126,8 +125,13 @@ pub fn fitted(
     let [baseline_m, baseline_sigma_m] = report::baseline_m(&rig);
     let camera_rms_px = Camera::BOTH.map(|camera| bundle.rms_of_all_px(&fit.state, Some(camera)));
     let used: Vec<usize> = used.into_iter().filter(|&view| is_pair(&alone, view)).collect();
+    let corners = used.iter().flat_map(|&view| {
+        let [left, right] = &views[view];
+        let pairs = left.iter().flatten().zip(right.iter().flatten());
+        pairs.map(|(left, right)| [*left, *right])
+    });
     Ok(Together {
-        row_error_rms_px: row_error_rms_px(&rig, used.iter().map(|&view| &views[view])),
+        row_error_rms_px: report::row_error_rms_px(&rig, corners),
         used,
         refused,
         turned,
@@ -252,28 +256,6 @@ fn covariance_from(bundle: &Bundle<'_>, covariance: &DMatrix<f64>) -> RigCovaria
         }
     }
     of_rig
-}
-
-/// RMS difference of the rows in which the cameras see the same corner, after rectification.
-fn row_error_rms_px<'a>(
-    rig: &Rig,
-    views: impl Iterator<Item = &'a [Option<Vec<RawPixel>>; 2]>,
-) -> f64 {
-    let rectification = Rectification::from_rig(rig);
-    let (mut n, mut squares) = (0.0, 0.0);
-    for [left, right] in views {
-        let pairs = left.iter().flatten().zip(right.iter().flatten());
-        for (left, right) in pairs {
-            let row = |camera, pixel| {
-                rectification.rectified_from_raw(camera, pixel).map(|pixel| pixel.y_px)
-            };
-            if let (Some(l), Some(r)) = (row(Camera::Left, *left), row(Camera::Right, *right)) {
-                squares += (l - r) * (l - r);
-                n += 1.0;
-            }
-        }
-    }
-    (squares / f64::max(n, 1.0)).sqrt()
 }
 
 #[cfg(test)]

@@ -35,8 +35,6 @@ pub struct Fitted {
     pub paint_m: [[f64; 2]; LINES],
     /// RMS distance of each camera's pieces from their lines.
     pub rms_px: [f64; 2],
-    /// Their noise, as a multiple of what each says of itself.
-    pub noise: [f64; 2],
     /// Whether each piece of each camera is explained: within the reach of Huber's loss twice over.
     pub is_explained: [Vec<bool>; 2],
 }
@@ -71,7 +69,6 @@ pub fn from_pieces(
         rig: found.state.rig.with_covariance(covariance).ok()?,
         paint_m: found.state.paint_m,
         rms_px,
-        noise: problem.noise,
         is_explained,
     })
 }

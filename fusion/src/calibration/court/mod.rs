@@ -136,12 +136,8 @@ pub enum Refused {
 pub struct CourtCalibration {
     /// Rig, paint and residuals.
     pub fitted: Fitted,
-    /// Each camera's rough pose.
-    pub guesses: [Guess; 2],
     /// Each camera's pieces of lines.
     pub pieces: [Vec<Piece>; 2],
-    /// Blur of an edge in each picture, px.
-    pub blur_px: [f64; 2],
     /// The lines looked for.
     pub lines: [Line; LINES],
 }
@@ -179,16 +175,16 @@ pub fn from_pictures(
         None => Prior::of_lenses(start, &settings.lens),
     };
     let prior = prior.ok_or(Refused::Open)?;
-    let mut guesses = Vec::new();
+    let mut poses = roughly;
     for camera in Camera::BOTH {
-        let roughly = &roughly[camera.idx()];
-        guesses.push(guess_of(camera, pictures[camera.idx()], start, roughly, settings, &lines)?);
+        let pose = &mut poses[camera.idx()];
+        let picture = pictures[camera.idx()];
+        *pose = guess_of(camera, picture, start, pose, settings, &lines)?.court_from_camera;
     }
-    let guesses = [guesses[0], guesses[1]];
-    let poses = guesses.map(|guess| guess.court_from_camera);
-    let mut rig = with_poses(start, poses).ok_or(Refused::Open)?;
+    let [court_from_left, court_from_right] = poses;
+    let mounting = Mounting::Court { court_from_left, court_from_right };
+    let mut rig = start.with_mounting(mounting).map_err(|_| Refused::Open)?;
     let light = pictures.map(Picture::linear);
-    let poses = Camera::BOTH.map(|camera| rig.tracking_from(camera));
     let eyes = Camera::BOTH.map(|camera| rig.eye(camera).lens);
     let blur_px = [0, 1].map(|i| blur_of(&light[i], &eyes[i], &poses[i], &lines));
     let mut found = None;
@@ -228,7 +224,7 @@ pub fn from_pictures(
             return Err(Refused::Unlike { camera, rms_px, max_px: RMS_MAX_PX });
         }
     }
-    Ok(CourtCalibration { fitted, guesses, pieces, blur_px, lines })
+    Ok(CourtCalibration { fitted, pieces, lines })
 }
 
 /// How far the cameras' relation in one rig is from that in another, in sigmas of both.
@@ -288,14 +284,6 @@ fn guess_of(
         return Err(Refused::WrongCourt { camera, n_hit, n_visible, across, along });
     }
     Ok(guess)
-}
-
-/// The same cameras at other places.
-fn with_poses(rig: &Rig, poses: [IsometryMatrix3<f64>; 2]) -> Option<Rig> {
-    let [court_from_left, court_from_right] = poses;
-    let eyes = Camera::BOTH.map(|camera| *rig.eye(camera));
-    let mounting = Mounting::Court { court_from_left, court_from_right };
-    Rig::new(eyes, mounting, rig.ball(), rig.launcher_in_court_m()).ok()
 }
 
 /// The blur that explains the pixels of some pieces best, by golden section.

@@ -48,8 +48,6 @@ pub struct Piece {
     pub sigma_px: f64,
     /// How much brighter than its sides, in grey levels.
     pub contrast: f64,
-    /// Width of the paint as the pose sees it, px.
-    pub width_px: f64,
     /// Sum of squared residuals, in grey levels, and the number of pixels.
     pub residual: [f64; 2],
 }
@@ -179,7 +177,6 @@ impl View<'_> {
             normal,
             sigma_px: noise * fit.offset_unit,
             contrast,
-            width_px: window.width_px,
             residual: [fit.squares, n_pixels],
         })
     }

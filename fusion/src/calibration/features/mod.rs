@@ -25,7 +25,7 @@ mod tests;
 use crate::calibration::court;
 use crate::calibration::picture::Picture;
 use crate::calibration::prior::LensSigma;
-use crate::world::rectification::Rectification;
+use crate::calibration::report;
 use crate::world::rig::{Mounting, Rig};
 use consensus::{Consensus, Search};
 use five::{Five, Matched, UnitPose};
@@ -220,7 +220,10 @@ pub fn from_pictures(
     let distances = matched.distances_px(&five.left_from_right);
     Ok(FeatureCalibration {
         rms_px: rms(&distances),
-        row_error_rms_px: row_error_rms_px(&rig, &explained),
+        row_error_rms_px: report::row_error_rms_px(
+            &rig,
+            explained.iter().map(|m| [m.left, m.right]),
+        ),
         n_matches: matches.len(),
         rig,
         five,
@@ -267,8 +270,7 @@ fn with_pose(start: &Rig, pose: &UnitPose, baseline_m: f64) -> Result<Rig, Refus
     let centre = Translation3::from(pose.translation.vector * baseline_m);
     let left_from_right = IsometryMatrix3::from_parts(centre, pose.rotation);
     let mounting = Mounting::Stereo { right_from_left: left_from_right.inverse() };
-    let eyes = Camera::BOTH.map(|camera| *start.eye(camera));
-    Rig::new(eyes, mounting, start.ball(), start.launcher_in_court_m()).map_err(|_| Refused::Open)
+    start.with_mounting(mounting).map_err(|_| Refused::Open)
 }
 
 fn rays_of(rig: &Rig, matches: &[Match]) -> Result<Vec<essential::Rays>, Refused> {
@@ -292,13 +294,6 @@ fn agreed(
     let explained = consensus.as_ref().map_or(0, |consensus| consensus.explained.len());
     let is_enough = explained >= EXPLAINED_MIN && explained as f64 >= SHARE_MIN * n as f64;
     consensus.filter(|_| is_enough).ok_or(Refused::Disagree { explained, n })
-}
-
-fn row_error_rms_px(rig: &Rig, matches: &[Match]) -> f64 {
-    let rectification = Rectification::from_rig(rig);
-    let row = |camera, pixel| rectification.rectified_from_raw(camera, pixel).map(|p| p.y_px);
-    let difference = |m: &Match| Some(row(Camera::Left, m.left)? - row(Camera::Right, m.right)?);
-    rms(&matches.iter().filter_map(difference).collect::<Vec<f64>>())
 }
 
 fn rms(values: &[f64]) -> f64 {

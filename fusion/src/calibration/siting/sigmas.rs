@@ -12,17 +12,17 @@
 use super::flights::{self, AFTER_S, Flight, Watch};
 use super::launcher_of;
 use crate::clock::OFFSET_SIGMA_S;
+use crate::flight::evidence;
 use crate::flight::fit::{self, BIASES};
 use crate::flight::fitted::{Fitted, Scene};
 use crate::flight::model::{Model, Span};
 use crate::flight::unknowns::{Known, Prior, Unknowns};
 use crate::motion::seconds_between;
 use crate::rectified::Sighting;
-use crate::world::adjustment::{CAMERA, RIG, first_of};
+use crate::world::adjustment::RIG;
 use crate::world::ball::Physics;
 use crate::world::rig::Rig;
-use nalgebra::{Matrix2, SMatrix, Vector2};
-use shm_layout::Camera;
+use nalgebra::{Matrix2, Vector2};
 
 /// Fewest sightings of each camera before the bounce.
 const N_BEFORE_MIN: usize = 3;
@@ -130,7 +130,7 @@ pub fn measured(flight: &Flight, terms: &Terms) -> Measured {
         bias_sigma_px: terms.bias_sigma_px,
     };
     let fitted = fit::bound(&used, 0, &truth, &prior, &scene);
-    if let Some(parts) = fitted.and_then(|fitted| Parts::new(&fitted, &used, terms)) {
+    if let Some(parts) = fitted.and_then(|fitted| Parts::new(&fitted, &used, &prior, &scene)) {
         let Parts { heading, noise_m2, bias_m2, rig_m2 } = parts;
         let all_m2 = noise_m2 + bias_m2 + rig_m2.unwrap_or_default();
         measured.sigma = Some(sigma(&all_m2, &heading));
@@ -156,33 +156,18 @@ struct Parts {
 }
 
 impl Parts {
-    fn new(fitted: &Fitted, sightings: &[Sighting], terms: &Terms) -> Option<Self> {
+    fn new(fitted: &Fitted, sightings: &[Sighting], prior: &Prior, scene: &Scene) -> Option<Self> {
         let touch = fitted.model.touch()?;
         let place = touch.d_position.fixed_rows::<2>(0).into_owned();
         let gain = place * fitted.covariance;
-        let last = sightings.len() as f64 - 1.0;
-        let mut by_bias = [Vector2::zeros(); BIASES.len()];
-        let mut by_rig = SMatrix::<f64, 2, RIG>::zeros();
-        for (i, sighting) in sightings.iter().enumerate() {
-            let (slope, _) = fitted.seen(sighting, terms.rig)?;
-            let answer = gain * slope.transpose() * sighting.covariance_px2.try_inverse()?;
-            let far = 2.0 * i as f64 / last - 1.0;
-            for (sum, bias) in by_bias.iter_mut().zip(BIASES) {
-                *sum += answer * Vector2::from(bias(far)) * terms.bias_sigma_px;
-            }
-            if terms.rig.covariance().is_some() {
-                let ball = fitted.model.place_at(fitted.time_s(sighting));
-                let camera: Camera = sighting.camera;
-                let (_, by_camera) = terms.rig.raw_and_slope_by_camera(camera, &ball.position_m)?;
-                let mut columns = by_rig.fixed_columns_mut::<CAMERA>(first_of(camera));
-                columns += answer * by_camera;
-            }
-        }
+        let response = place * evidence::response(sightings, fitted, prior, scene)?;
+        let by_rig = response.fixed_columns::<RIG>(0).into_owned();
+        let by_bias = response.fixed_columns::<{ BIASES.len() }>(RIG).into_owned();
         Some(Self {
             heading: touch.velocity_m_s.xy().try_normalize(1e-9)?,
             noise_m2: gain * place.transpose(),
-            bias_m2: by_bias.iter().map(|off| off * off.transpose()).sum(),
-            rig_m2: terms.rig.covariance().map(|rig| by_rig * rig * by_rig.transpose()),
+            bias_m2: by_bias * by_bias.transpose(),
+            rig_m2: scene.rig.covariance().map(|rig| by_rig * rig * by_rig.transpose()),
         })
     }
 }
