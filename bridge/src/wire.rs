@@ -16,7 +16,7 @@ use bincode::{Decode, Encode};
 use shm_layout::{Camera, Candidate, FrameInfo, MAX_CANDIDATES, MAX_STRIPS, StripCandidates};
 
 /// Version of this file's layout; the two ends must agree.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 
 /// Most messages in a batch: at 90 frames/s with 8 workers, 9 are written in 11 ms.
 pub const MAX_MESSAGES: usize = 64;
@@ -88,6 +88,7 @@ struct WireFrameInfo {
     height_px: u32,
     is_last: bool,
     camera_idx: u32,
+    clock_sigma_ns: u32,
 }
 
 #[derive(Encode, Decode)]
@@ -103,6 +104,7 @@ struct WireCandidates {
     n_dropped: u32,
     is_learning: bool,
     camera_idx: u32,
+    clock_sigma_ns: u32,
     spots: Vec<[f32; 13]>,
 }
 
@@ -166,6 +168,7 @@ fn wire_from_message(message: &Message) -> WireMessage {
             height_px: info.height_px,
             is_last: info.is_last != 0,
             camera_idx: info.camera_idx,
+            clock_sigma_ns: info.clock_sigma_ns,
         }),
         Message::Candidates(strip) => WireMessage::Candidates(WireCandidates {
             recording_id: strip.recording_id,
@@ -179,6 +182,7 @@ fn wire_from_message(message: &Message) -> WireMessage {
             n_dropped: strip.n_dropped,
             is_learning: strip.is_learning != 0,
             camera_idx: strip.camera_idx,
+            clock_sigma_ns: strip.clock_sigma_ns,
             spots: strip.spots().iter().map(Candidate::to_array).collect(),
         }),
     }
@@ -201,6 +205,8 @@ fn message_from_wire(wire: WireMessage) -> Result<Message, Refusal> {
                 height_px: info.height_px,
                 is_last: u32::from(info.is_last),
                 camera_idx: info.camera_idx,
+                clock_sigma_ns: info.clock_sigma_ns,
+                reserved: 0,
             }))
         }
         WireMessage::Candidates(strip) => {
@@ -228,6 +234,7 @@ fn strip_from_wire(wire: &WireCandidates) -> StripCandidates {
         is_learning: u32::from(wire.is_learning),
         n_candidates: wire.spots.len() as u32,
         camera_idx: wire.camera_idx,
+        clock_sigma_ns: wire.clock_sigma_ns,
         ..StripCandidates::default()
     };
     for (slot, fields) in strip.candidates.iter_mut().zip(&wire.spots) {
@@ -253,6 +260,8 @@ mod tests {
                     height_px: sides[1],
                     is_last: u32::from(is_last),
                     camera_idx,
+                    clock_sigma_ns: sides[0] ^ sides[1],
+                    reserved: 0,
                 })
             },
         )
@@ -274,6 +283,7 @@ mod tests {
                     n_dropped,
                     is_learning,
                     camera_idx: 1,
+                    clock_sigma_ns: n_dropped / 2,
                     spots,
                 })))
             })
@@ -322,7 +332,7 @@ mod tests {
         bytes[0] = 9;
         let refusal = batch_from_bytes(&bytes).unwrap_err();
         assert_eq!(refusal, Refusal::Version { theirs: 9 });
-        assert!(refusal.to_string().contains("version 9, this bridge version 2"));
+        assert!(refusal.to_string().contains("version 9, this bridge version 3"));
     }
 
     #[test]

@@ -61,7 +61,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     let mut source = source_of(flags)?;
     let member = Domain::new(&flags.court, Place::Board(flags.camera))?.join("capture")?;
     let mut in_flight = InFlight::new(&member.candidates()?, flags.workers)?;
-    let mut publisher = Publisher::new(&member, flags.camera, source.size_px())?;
+    let mut publisher = Publisher::new(&member, flags.camera, source.size_px())?.on_own_clock();
     publisher.wait_for_readers(flags.workers as usize, flags.wait_for_bridge, stop)?;
 
     let stamps_ns = source.stamps_ns().to_vec();

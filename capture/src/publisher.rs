@@ -5,7 +5,7 @@
 use crate::Error;
 use shm_layout::ports::{FrameService, FrameWriter, MessageService, MessageWriter};
 use shm_layout::services::{self, Member};
-use shm_layout::stamp::now_ns;
+use shm_layout::stamp::{OWN_CLOCK, now_ns};
 use shm_layout::stop::Stop;
 use shm_layout::{Camera, FrameInfo, StampNs};
 use std::time::{Duration, Instant};
@@ -25,6 +25,7 @@ pub struct Publisher {
     next_idx: u64,
     width_px: u32,
     height_px: u32,
+    clock_sigma_ns: u32,
 }
 
 /// What became of a published frame.
@@ -62,7 +63,14 @@ impl Publisher {
             next_idx: 0,
             width_px,
             height_px,
+            clock_sigma_ns: 0,
         })
+    }
+
+    /// The same for stamps that are on no machine's clock: those of a recording, or of a play.
+    #[must_use]
+    pub fn on_own_clock(self) -> Self {
+        Self { clock_sigma_ns: OWN_CLOCK, ..self }
     }
 
     /// Waits until `n_workers` read the frames and, with `with_bridge`, somebody reads the infos.
@@ -118,6 +126,8 @@ impl Publisher {
             height_px: self.height_px,
             is_last: u32::from(is_last),
             camera_idx: self.camera.idx() as u32,
+            clock_sigma_ns: self.clock_sigma_ns,
+            reserved: 0,
         };
         // The info goes first: a frame that reaches nobody must still be known to have existed.
         self.info_writer.send(info)?;

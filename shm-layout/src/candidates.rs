@@ -133,7 +133,7 @@ impl Candidate {
 /// complete when all `n_strips` messages with its `frame_idx` are there.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("tennis/StripCandidates/2")]
+#[type_name("tennis/StripCandidates/3")]
 pub struct StripCandidates {
     /// As in [`crate::FrameInfo`].
     pub recording_id: u64,
@@ -143,9 +143,9 @@ pub struct StripCandidates {
     pub exposed_ns: StampNs,
     /// As in [`crate::FrameInfo`].
     pub frame_published_ns: StampNs,
-    /// When the worker began with the frame, CLOCK_MONOTONIC of the board.
+    /// When the worker began with the frame.
     pub started_ns: StampNs,
-    /// When the worker was done with it, CLOCK_MONOTONIC of the board.
+    /// When the worker was done with it.
     pub finished_ns: StampNs,
     /// Which strip, from the top.
     pub strip_idx: u32,
@@ -160,11 +160,15 @@ pub struct StripCandidates {
     pub n_candidates: u32,
     /// [`crate::Camera::idx`] of the camera.
     pub camera_idx: u32,
+    /// As in [`crate::FrameInfo`].
+    pub clock_sigma_ns: u32,
+    /// Keeps the size a multiple of eight; always 0.
+    pub reserved: u32,
     /// The spots.
     pub candidates: [Candidate; MAX_CANDIDATES],
 }
 
-const _: () = assert!(size_of::<StripCandidates>() == 72 + 52 * MAX_CANDIDATES);
+const _: () = assert!(size_of::<StripCandidates>() == 80 + 52 * MAX_CANDIDATES);
 
 impl StripCandidates {
     /// The entries that count. A count beyond the array (a foreign writer) is cut to it.
@@ -190,6 +194,8 @@ impl Default for StripCandidates {
             is_learning: 0,
             n_candidates: 0,
             camera_idx: 0,
+            clock_sigma_ns: 0,
+            reserved: 0,
             candidates: [Candidate::default(); MAX_CANDIDATES],
         }
     }

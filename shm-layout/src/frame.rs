@@ -11,15 +11,15 @@ pub const MAX_SIDE_PX: u32 = 4096;
 /// and the whole message of `frames-info`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
-#[type_name("tennis/FrameInfo/1")]
+#[type_name("tennis/FrameInfo/2")]
 pub struct FrameInfo {
     /// Which run of `capture` this frame belongs to; changes when capture restarts.
     pub recording_id: u64,
     /// 0, 1, 2 … within the recording. A missing number is a lost frame.
     pub frame_idx: u64,
-    /// Mid-exposure of the first row, on the camera's clock.
+    /// Mid-exposure of the first row.
     pub exposed_ns: StampNs,
-    /// When capture handed the frame to shared memory, CLOCK_MONOTONIC of the board.
+    /// When capture handed the frame to shared memory.
     pub published_ns: StampNs,
     /// Pixels in a row; rows are stored without padding.
     pub width_px: u32,
@@ -29,6 +29,11 @@ pub struct FrameInfo {
     pub is_last: u32,
     /// [`crate::Camera::idx`] of the camera.
     pub camera_idx: u32,
+    /// 1 sigma of what translating the stamps to this machine's clock cost: 0 on the board, and
+    /// [`crate::stamp::OWN_CLOCK`] if `exposed_ns` is on no machine's clock.
+    pub clock_sigma_ns: u32,
+    /// Keeps the size a multiple of eight; always 0.
+    pub reserved: u32,
 }
 
-const _: () = assert!(size_of::<FrameInfo>() == 48, "no padding may hide in a shared type");
+const _: () = assert!(size_of::<FrameInfo>() == 56, "no padding may hide in a shared type");

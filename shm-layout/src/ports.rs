@@ -263,7 +263,7 @@ impl FrameReader {
     }
 }
 
-fn wake_of(node: &Node<ipc::Service>, name: &ServiceName, row: Row) -> Result<Wake, Error> {
+pub(crate) fn wake_of(node: &Node<ipc::Service>, name: &ServiceName, row: Row) -> Result<Wake, Error> {
     node.service_builder(name)
         .event()
         .max_notifiers(row.writers)
@@ -273,10 +273,10 @@ fn wake_of(node: &Node<ipc::Service>, name: &ServiceName, row: Row) -> Result<Wa
         .map_err(|e| refused(format!("open the event of {name}"))(&e))
 }
 
-fn notifier_of(wake: &Wake) -> Result<Notifier<ipc::Service>, Error> {
+pub(crate) fn notifier_of(wake: &Wake) -> Result<Notifier<ipc::Service>, Error> {
     wake.notifier_builder().create().map_err(|e| refused("wake readers")(&e))
 }
 
-fn alarm_of(wake: &Wake) -> Result<Alarm, Error> {
+pub(crate) fn alarm_of(wake: &Wake) -> Result<Alarm, Error> {
     Ok(Alarm(wake.listener_builder().create().map_err(|e| refused("be woken")(&e))?))
 }

@@ -5,7 +5,8 @@
 //! boards and tests that run at the same time never meet.
 
 use crate::ports::{FrameService, MessageService};
-use crate::{Camera, FrameInfo, MAX_SIDE_PX, MAX_STRIPS, Shot, StripCandidates};
+use crate::text::{MAX_TEXT_BYTES, TextService};
+use crate::{Camera, FrameInfo, Link, MAX_SIDE_PX, MAX_STRIPS, Shot, StripCandidates};
 use iceoryx2::prelude::{
     CallbackProgression, Config, FileName, LogLevel, Node, NodeBuilder, NodeName, NodeState, Path,
     SemanticString, ServiceName, SignalHandlingMode, ipc, set_log_level,
@@ -84,8 +85,32 @@ pub const SHOTS: Row = Row {
     held: 1,
 };
 
-/// All services. `frames` is on boards only, `shots` beside fusion only.
-pub const TABLE: [Row; 4] = [FRAMES, FRAMES_INFO, CANDIDATES, SHOTS];
+/// The same shots as "shots/1" JSON, one a text: for the network and the recorder.
+pub const SHOTS_JSON: Row = Row {
+    name: "shots-json",
+    message: "text",
+    bytes: MAX_TEXT_BYTES,
+    rate_hz: 1,
+    writers: 1,
+    readers: 4,
+    depth: 16,
+    held: 1,
+};
+
+/// How each board's link is, twice a second and whenever it changes.
+pub const LINKS: Row = Row {
+    name: "links",
+    message: "Link",
+    bytes: size_of::<Link>(),
+    rate_hz: 4,
+    writers: 1,
+    readers: 8,
+    depth: 64,
+    held: 1,
+};
+
+/// All services. `frames` is on boards only, `links` and shots beside fusion only.
+pub const TABLE: [Row; 6] = [FRAMES, FRAMES_INFO, CANDIDATES, LINKS, SHOTS, SHOTS_JSON];
 
 /// Most processes in one domain.
 pub(crate) const MAX_NODES: usize = 24;
@@ -275,6 +300,22 @@ impl Member {
     /// When the service cannot be opened.
     pub fn shots(&self) -> Result<MessageService<Shot>, Error> {
         MessageService::open(&self.node, &name_of(SHOTS)?, SHOTS)
+    }
+
+    /// The measured shots as JSON.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn shots_json(&self) -> Result<TextService, Error> {
+        TextService::open(&self.node, &name_of(SHOTS_JSON)?, SHOTS_JSON)
+    }
+
+    /// How the boards' links are.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn links(&self) -> Result<MessageService<Link>, Error> {
+        MessageService::open(&self.node, &name_of(LINKS)?, LINKS)
     }
 }
 

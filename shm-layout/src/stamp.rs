@@ -1,13 +1,18 @@
 //! Which camera, and when: the two things every message carries.
 
-/// Nanoseconds on one clock. `exposed` stamps are on the camera's clock until `bridge` translates
-/// them; all others are CLOCK_MONOTONIC of the machine they were taken on.
+/// Nanoseconds on the clock of the machine they are read on: `bridge` translates them on the way.
+/// Only the `exposed` stamps of a recording may be on a clock of their own ([`OWN_CLOCK`]).
 pub type StampNs = i64;
 
-/// Now, on the clock that all stamps of a machine but `exposed` are on.
+/// In place of a clock's sigma: `exposed` stamps are on a clock that is no machine's, as those of
+/// a recording are. They pass through everything as they are.
+pub const OWN_CLOCK: u32 = u32::MAX;
+
+/// Now, on this machine's clock: CLOCK_BOOTTIME, which is that of libcamera's sensor stamps, is
+/// never set, and goes on while the machine sleeps.
 #[must_use]
 pub fn now_ns() -> StampNs {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
     now.tv_sec * 1_000_000_000 + now.tv_nsec
 }
 

@@ -67,7 +67,7 @@ impl<'a> Programme<'a> {
             let seen_by = renderer.camera();
             let size_px = (seen_by.width_px as u32, seen_by.height_px as u32);
             let member = Domain::new(court, Place::Board(camera))?.join("simulate")?;
-            let publisher = Publisher::new(&member, camera, size_px)?;
+            let publisher = Publisher::new(&member, camera, size_px)?.on_own_clock();
             boards.push((side, renderer, publisher, member));
         }
         for (_, _, publisher, _) in &boards {

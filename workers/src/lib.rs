@@ -123,6 +123,7 @@ impl Worker {
             frame_idx: info.frame_idx,
             exposed_ns: info.exposed_ns,
             frame_published_ns: info.published_ns,
+            clock_sigma_ns: info.clock_sigma_ns,
             strip_idx: strip.idx(),
             n_strips: strip.n(),
             ..StripCandidates::default()
