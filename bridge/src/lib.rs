@@ -1,16 +1,22 @@
 //! Room 3: candidates ↔ wire ↔ candidates.
 //!
-//! Read in this order: [`wire`] is a batch of messages as bytes, [`session`] the Zenoh session both
-//! ends open, [`outbound`] the board's end (shared memory → network), [`inbound`] the end beside
-//! fusion (network → shared memory), [`gaps`] the count of what did not arrive.
+//! Read in this order: [`wire`] is messages as bytes, [`keys`] where they are published, [`session`]
+//! the Zenoh session both ends open, [`presence`] whether the other end is there. On a board
+//! [`ring`] is the last ten seconds and [`outbound`] all of it (shared memory → network). Beside
+//! fusion [`gaps`] brings batches into order, [`clock`] knows the board's time, and [`inbound`] is
+//! all of it (network → shared memory).
 //!
-//! Deliberately absent: what a message means. Stamps pass unchanged: until boards and fusion have a
-//! common clock, `exposed_ns` is on the camera's own.
+//! Deliberately absent: what a message means. Stamps are translated, for in shared memory they are
+//! on the clock of the machine they are read on.
 #![forbid(unsafe_code)]
 
+pub mod clock;
 pub mod gaps;
 pub mod inbound;
+pub mod keys;
 pub mod outbound;
+pub mod presence;
+pub mod ring;
 pub mod session;
 pub mod wire;
 

@@ -1,7 +1,7 @@
 //! `bridge`: between the shared memory of a machine and the network.
 
 use bridge::session::DEFAULT_ENDPOINT;
-use bridge::{inbound, outbound};
+use bridge::{inbound, outbound, session};
 use clap::{Parser, Subcommand};
 use shm_layout::Camera;
 use shm_layout::stop::Stop;
@@ -68,11 +68,13 @@ fn place(end: &End) -> &'static str {
 fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     match &flags.end {
         End::Board { court, camera, connect } => {
-            let sent = outbound::run(court, *camera, connect, stop)?;
+            let session = session::open(session::End::Connect(connect))?;
+            let sent = outbound::run(&session, court, *camera, stop)?;
             tracing::info!(?sent, "bridge {camera} stopped");
         }
         End::Fusion { court, listen } => {
-            let received = inbound::run(court, listen, stop)?;
+            let session = session::open(session::End::Listen(listen))?;
+            let received = inbound::run(&session, court, stop)?;
             tracing::info!(?received, "bridge fusion stopped");
         }
     }

@@ -1,25 +1,37 @@
-//! A board's shared memory → batches → network.
+//! A board's shared memory → numbered batches → network.
 //!
-//! Two threads: one empties shared memory (whose queues overwrite their oldest), the other
-//! publishes and may be held up by the network. Between them stands a bounded queue that drops its
-//! oldest batch; as batches are numbered before they enter it, the far end sees the hole.
+//! One thread empties shared memory (whose queues overwrite their oldest), numbers what it finds,
+//! keeps it in the [`Ring`] and publishes it. Publishing never waits: what the network has no room
+//! for it drops, and the far end asks for it again. Pings are answered where they arrive; questions
+//! for what is missing have a thread of their own, for their answers may wait for the network.
 
-use crate::session::{self, End};
-use crate::wire::{self, Batch, MAX_MESSAGES, Message};
+use crate::keys::{self, Stream};
+use crate::presence::Presence;
+use crate::ring::Ring;
+use crate::wire::batch::{Batch, MAX_MESSAGES, Message, bytes_from_batch};
+use crate::wire::clock::{Ping, Pong};
+use crate::wire::missing::Missing;
 use crate::{Error, network};
-use crossbeam::channel::{Receiver, Sender, TrySendError, bounded};
-use shm_layout::Camera;
+use crossbeam::channel::{Receiver, bounded};
 use shm_layout::ports::MessageReader;
 use shm_layout::services::{Domain, Place};
+use shm_layout::stamp::now_ns;
 use shm_layout::stop::Stop;
-use shm_layout::{FrameInfo, StripCandidates};
-use std::time::Duration;
-use zenoh::Wait;
+use shm_layout::{Camera, FrameInfo, StampNs, StripCandidates};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+use zenoh::bytes::ZBytes;
+use zenoh::key_expr::OwnedKeyExpr;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
+use zenoh::query::Query;
+use zenoh::{Session, Wait};
 
-/// Batches waiting for the network: 10 s at one per frame.
-const MAX_WAITING: usize = 900;
+/// Most questions for missing batches that wait; fusion has two open at a time.
+const MAX_QUESTIONS: usize = 16;
+
+/// A board that finds nobody says so after this long, once.
+const NOBODY_AFTER: Duration = Duration::from_secs(5);
 
 /// What went out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -28,25 +40,41 @@ pub struct Sent {
     pub n_batches: u64,
     /// Messages in them.
     pub n_messages: u64,
-    /// Batches the queue had no room for.
-    pub n_overflowed: u64,
+}
+
+/// The ring of one run of this bridge.
+#[derive(Debug, Clone)]
+struct Archive {
+    session_id: u64,
+    ring: Arc<Mutex<Ring>>,
+}
+
+impl Archive {
+    fn ring(&self) -> MutexGuard<'_, Ring> {
+        self.ring.lock().expect("nothing in the ring panics")
+    }
 }
 
 /// Moves messages of a board to the network until stopped.
 ///
 /// # Errors
 /// When shared memory or the network cannot be had.
-pub fn run(court: &str, camera: Camera, endpoint: &str, stop: &Stop) -> Result<Sent, Error> {
+pub fn run(session: &Session, court: &str, camera: Camera, stop: &Stop) -> Result<Sent, Error> {
     let domain = Domain::new(court, Place::Board(camera))?;
-    let session = session::open(End::Connect(endpoint))?;
-    let publisher = session
-        .declare_publisher(session::candidates_key(court, camera)?)
-        .congestion_control(CongestionControl::Block)
-        .priority(Priority::RealTime)
-        .express(true)
+    let archive = Archive { session_id: new_session_id(), ring: Arc::default() };
+    let publishers = [
+        publisher(session, keys::of_board(court, camera, Stream::ALL[0].name())?)?,
+        publisher(session, keys::of_board(court, camera, Stream::ALL[1].name())?)?,
+    ];
+    let _pongs = answer_pings(session, court, camera, archive.clone())?;
+    let _missing = answer_missing(session, court, camera, archive.clone())?;
+    let fusion = Presence::watch(session, court, Place::Fusion)?;
+    let _token = session
+        .liveliness()
+        .declare_token(keys::alive(court, Place::Board(camera))?)
         .wait()
-        .map_err(network("publish candidates"))?;
-    if !wait_for_fusion(&publisher, stop)? {
+        .map_err(network("say that this board is here"))?;
+    if !wait_for(&fusion, stop) {
         return Ok(Sent::default());
     }
     // Only now does the board's capture see a reader: a recording does not start unheard.
@@ -55,100 +83,173 @@ pub fn run(court: &str, camera: Camera, endpoint: &str, stop: &Stop) -> Result<S
     let (strips, alarm) = (candidates.reader()?, candidates.alarm()?);
     let infos = member.frames_info()?.reader()?;
 
-    let (to_network, from_memory) = bounded(MAX_WAITING);
-    let overflow = from_memory.clone();
-    let sender = std::thread::spawn(move || publish_all(&from_memory, &publisher));
-    let session_id = new_session_id();
     let mut sent = Sent::default();
     while !stop.is_raised() {
-        while let Some(messages) = next_messages(&infos, &strips)? {
-            sent.n_messages += messages.len() as u64;
-            let batch = Batch { session_id, batch_idx: sent.n_batches, messages };
-            sent.n_batches += 1;
-            sent.n_overflowed += send_newest(&to_network, &overflow, batch)?;
+        loop {
+            let (infos, strips) = (all_infos(&infos)?, all_strips(&strips)?);
+            if infos.is_empty() && strips.is_empty() {
+                break;
+            }
+            for (stream, messages) in Stream::ALL.into_iter().zip([infos, strips]) {
+                if messages.is_empty() {
+                    continue;
+                }
+                sent.n_batches += 1;
+                sent.n_messages += messages.len() as u64;
+                let bytes = archive.add(stream, messages);
+                let put = publishers[stream.idx()].put(bytes);
+                put.wait().map_err(network("send a batch"))?;
+            }
         }
         alarm.wait()?;
     }
-    drop((to_network, overflow));
-    sender.join().map_err(|_| Error::NetworkThreadGone)??;
     Ok(sent)
 }
 
-/// Waits until somebody listens at the far end; false when stopped before.
-fn wait_for_fusion(publisher: &Publisher<'_>, stop: &Stop) -> Result<bool, Error> {
+impl Archive {
+    /// Numbers a batch and keeps it; its bytes.
+    fn add(&self, stream: Stream, messages: Vec<Message>) -> ZBytes {
+        let mut ring = self.ring();
+        let batch_idx = ring.end_idx(stream);
+        let batch = Batch { session_id: self.session_id, batch_idx, messages };
+        let bytes = ZBytes::from(bytes_from_batch(&batch));
+        ring.push(stream, now_ns(), bytes.clone());
+        bytes
+    }
+
+    fn pong(&self, ping: Ping, received_ns: StampNs) -> Pong {
+        let ring = self.ring();
+        Pong {
+            sent_ns: ping.sent_ns,
+            received_ns,
+            session_id: self.session_id,
+            oldest_idx: Stream::ALL.map(|stream| ring.oldest_idx(stream)),
+            end_idx: Stream::ALL.map(|stream| ring.end_idx(stream)),
+            answered_ns: now_ns(),
+        }
+    }
+
+    /// Those of the batches asked for that are still here.
+    fn had(&self, asked: &Missing) -> Vec<ZBytes> {
+        match asked.stream() {
+            Some(stream) if asked.session_id == self.session_id => {
+                self.ring().range(stream, asked.first_idx, asked.end_idx).cloned().collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+fn publisher(session: &Session, key: OwnedKeyExpr) -> Result<Publisher<'static>, Error> {
+    session
+        .declare_publisher(key.clone())
+        .congestion_control(CongestionControl::Drop)
+        .priority(Priority::RealTime)
+        .express(true)
+        .wait()
+        .map_err(network(format!("publish {key}")))
+}
+
+fn answer_pings(
+    session: &Session,
+    court: &str,
+    camera: Camera,
+    archive: Archive,
+) -> Result<impl Sized, Error> {
+    let pong = publisher(session, keys::of_board(court, camera, "pong")?)?;
+    session
+        .declare_subscriber(keys::of_board(court, camera, "ping")?)
+        .callback(move |sample| {
+            let received_ns = now_ns();
+            match Ping::from_bytes(&sample.payload().to_bytes()) {
+                // A pong that cannot be sent is one that did not arrive: the next ping comes soon.
+                Ok(ping) => drop(pong.put(archive.pong(ping, received_ns).to_bytes()).wait()),
+                Err(refusal) => tracing::debug!("a ping is refused: {refusal}"),
+            }
+        })
+        .wait()
+        .map_err(network("answer pings"))
+}
+
+fn answer_missing(
+    session: &Session,
+    court: &str,
+    camera: Camera,
+    archive: Archive,
+) -> Result<impl Sized, Error> {
+    let (to_thread, questions) = bounded::<Query>(MAX_QUESTIONS);
+    std::thread::spawn(move || answer_all(&questions, &archive));
+    session
+        .declare_queryable(keys::of_board(court, camera, "missing")?)
+        .callback(move |query| {
+            if to_thread.try_send(query).is_err() {
+                tracing::debug!("too many questions for missing batches: one is left out");
+            }
+        })
+        .wait()
+        .map_err(network("answer what is missing"))
+}
+
+/// Ends when the queryable is gone.
+fn answer_all(questions: &Receiver<Query>, archive: &Archive) {
+    for query in questions {
+        let payload = query.payload().map(ZBytes::to_bytes).unwrap_or_default();
+        match Missing::from_bytes(&payload) {
+            Ok(asked) => {
+                for bytes in archive.had(&asked) {
+                    // Who asked asks again for what does not arrive.
+                    if query.reply(query.key_expr().clone(), bytes).wait().is_err() {
+                        break;
+                    }
+                }
+            }
+            Err(refusal) => drop(query.reply_err(refusal.to_string()).wait()),
+        }
+    }
+}
+
+/// Waits until fusion is there; false when stopped before.
+fn wait_for(fusion: &Presence, stop: &Stop) -> bool {
+    let begun = Instant::now();
+    let mut is_said = false;
     while !stop.is_raised() {
-        let status = publisher.matching_status().wait().map_err(network("ask who listens"))?;
-        if status.matching() {
-            return Ok(true);
+        if fusion.is_there() {
+            return true;
+        }
+        if !is_said && begun.elapsed() > NOBODY_AFTER {
+            is_said = true;
+            tracing::error!(
+                "nobody answers for {} s: is the bridge beside fusion running, can it be reached, \
+                 and do both have keys of this court?",
+                NOBODY_AFTER.as_secs()
+            );
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    Ok(false)
+    false
 }
 
-/// What stands in shared memory now, infos first; `None` when nothing does.
-fn next_messages(
-    infos: &MessageReader<FrameInfo>,
-    strips: &MessageReader<StripCandidates>,
-) -> Result<Option<Vec<Message>>, Error> {
+fn all_infos(reader: &MessageReader<FrameInfo>) -> Result<Vec<Message>, Error> {
     let mut messages = Vec::new();
     while messages.len() < MAX_MESSAGES
-        && let Some(info) = infos.receive()?
+        && let Some(info) = reader.receive()?
     {
         messages.push(Message::FrameInfo(*info));
     }
+    Ok(messages)
+}
+
+fn all_strips(reader: &MessageReader<StripCandidates>) -> Result<Vec<Message>, Error> {
+    let mut messages = Vec::new();
     while messages.len() < MAX_MESSAGES
-        && let Some(strip) = strips.receive()?
+        && let Some(strip) = reader.receive()?
     {
         messages.push(Message::Candidates(Box::new(*strip)));
     }
-    Ok((!messages.is_empty()).then_some(messages))
-}
-
-/// Enqueues a batch, dropping the oldest if there is no room; says how many were dropped.
-fn send_newest(
-    queue: &Sender<Batch>,
-    oldest: &Receiver<Batch>,
-    mut batch: Batch,
-) -> Result<u64, Error> {
-    let mut n_dropped = 0;
-    loop {
-        batch = match queue.try_send(batch) {
-            Ok(()) => return Ok(n_dropped),
-            Err(TrySendError::Disconnected(_)) => return Err(Error::NetworkThreadGone),
-            Err(TrySendError::Full(batch)) => batch,
-        };
-        n_dropped += u64::from(oldest.try_recv().is_ok());
-    }
-}
-
-fn publish_all(batches: &Receiver<Batch>, publisher: &Publisher<'_>) -> Result<(), Error> {
-    for batch in batches {
-        let bytes = wire::bytes_from_batch(&batch);
-        publisher.put(bytes).wait().map_err(network("send a batch"))?;
-    }
-    Ok(())
+    Ok(messages)
 }
 
 fn new_session_id() -> u64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
     u64::from(std::process::id()) << 40 ^ now.tv_nsec.unsigned_abs() ^ now.tv_sec.unsigned_abs()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_full_queue_drops_its_oldest() {
-        let (sender, receiver) = bounded(2);
-        let dropped: u64 = (0..5)
-            .map(|batch_idx| {
-                let batch = Batch { session_id: 1, batch_idx, messages: Vec::new() };
-                send_newest(&sender, &receiver, batch).unwrap()
-            })
-            .sum();
-        let left: Vec<u64> = receiver.try_iter().map(|batch| batch.batch_idx).collect();
-        assert_eq!((dropped, left), (3, vec![3, 4]));
-    }
 }

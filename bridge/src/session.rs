@@ -1,11 +1,9 @@
-//! The Zenoh session both ends open, and the keys they meet under.
+//! The Zenoh session both ends open.
 //!
 //! One court needs no router: the computer beside fusion listens, the boards connect and keep
 //! trying until it is there. Without keys for TLS only loopback is safe, so that is the default.
 
 use crate::{Error, network};
-use shm_layout::Camera;
-use zenoh::key_expr::OwnedKeyExpr;
 use zenoh::{Config, Session, Wait};
 
 /// Where the two ends meet unless told otherwise.
@@ -47,13 +45,4 @@ pub fn open(end: End<'_>) -> Result<Session, Error> {
         End::Connect(endpoint) => format!("connect to {endpoint}"),
     };
     zenoh::open(config).wait().map_err(network(what))
-}
-
-/// `court/<name>/<left|right>/candidates`: the key a board's batches are published under.
-///
-/// # Errors
-/// When `court` cannot be part of a key.
-pub fn candidates_key(court: &str, camera: Camera) -> Result<OwnedKeyExpr, Error> {
-    let key = format!("court/{court}/{camera}/candidates");
-    OwnedKeyExpr::try_from(key.as_str()).map_err(network(format!("use the key {key}")))
 }

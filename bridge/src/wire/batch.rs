@@ -1,22 +1,8 @@
 //! A batch of messages ↔ bytes.
-//!
-//! ```text
-//!   0        2
-//!   ┌────────┬──────────────────────────────────────────────┐
-//!   │VERSION │ bincode 2, standard configuration: a Batch   │
-//!   │ u16 LE │ (varint integers, f32 little-endian)         │
-//!   └────────┴──────────────────────────────────────────────┘
-//! ```
-//!
-//! [`batch_from_bytes`] never panics and allocates at most [`MAX_BYTES`]: without a limit bincode
-//! believes a length of 2^40 and aborts the process. Trailing bytes are refused. bincode 2 is
-//! unmaintained (RUSTSEC-2025-0141) and stands only in this file; wincode has the same layout.
 
+use super::{Refusal, bytes_from, from_bytes};
 use bincode::{Decode, Encode};
 use shm_layout::{Camera, Candidate, FrameInfo, MAX_CANDIDATES, MAX_STRIPS, StripCandidates};
-
-/// Version of this file's layout; the two ends must agree.
-pub const VERSION: u16 = 3;
 
 /// Most messages in a batch: at 90 frames/s with 8 workers, 9 are written in 11 ms.
 pub const MAX_MESSAGES: usize = 64;
@@ -25,7 +11,7 @@ pub const MAX_MESSAGES: usize = 64;
 pub const MAX_BYTES: usize = 256 * 1024;
 const _: () = assert!(MAX_MESSAGES * (16 + size_of::<StripCandidates>()) <= MAX_BYTES);
 
-/// What a board sends at once.
+/// What a board sends at once on one of its streams.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Batch {
     /// Which run of the board's bridge this is; numbers begin anew with it.
@@ -43,26 +29,6 @@ pub enum Message {
     FrameInfo(FrameInfo),
     /// A strip of a frame was looked at.
     Candidates(Box<StripCandidates>),
-}
-
-/// Why bytes are not a batch.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
-    /// The other end is older or newer.
-    #[error("the board speaks version {theirs}, this bridge version {VERSION}: update both")]
-    Version {
-        /// What the other end speaks.
-        theirs: u16,
-    },
-    /// Too long to be a batch.
-    #[error("{n_bytes} bytes, at most {MAX_BYTES} were expected")]
-    TooLong {
-        /// How long.
-        n_bytes: usize,
-    },
-    /// Not a batch.
-    #[error("not a batch: {0}")]
-    Malformed(String),
 }
 
 #[derive(Encode, Decode)]
@@ -108,10 +74,6 @@ struct WireCandidates {
     spots: Vec<[f32; 13]>,
 }
 
-fn configuration() -> impl bincode::config::Config {
-    bincode::config::standard().with_limit::<MAX_BYTES>()
-}
-
 /// The bytes of a batch.
 ///
 /// # Panics
@@ -119,16 +81,11 @@ fn configuration() -> impl bincode::config::Config {
 #[must_use]
 pub fn bytes_from_batch(batch: &Batch) -> Vec<u8> {
     assert!(batch.messages.len() <= MAX_MESSAGES, "outbound cuts batches");
-    let wire = WireBatch {
+    bytes_from::<MAX_BYTES>(&WireBatch {
         session_id: batch.session_id,
         batch_idx: batch.batch_idx,
         messages: batch.messages.iter().map(wire_from_message).collect(),
-    };
-    let mut bytes = VERSION.to_le_bytes().to_vec();
-    let body = bincode::encode_to_vec(&wire, configuration())
-        .expect("a batch of MAX_MESSAGES is within MAX_BYTES, and nothing else can fail");
-    bytes.extend_from_slice(&body);
-    bytes
+    })
 }
 
 /// The batch in these bytes.
@@ -136,22 +93,9 @@ pub fn bytes_from_batch(batch: &Batch) -> Vec<u8> {
 /// # Errors
 /// When they are of another version, too long, not a batch, or more than one.
 pub fn batch_from_bytes(bytes: &[u8]) -> Result<Batch, Refusal> {
-    let malformed = |what: &str| Refusal::Malformed(what.to_owned());
-    let (version, body) = bytes.split_first_chunk().ok_or_else(|| malformed("no version"))?;
-    let theirs = u16::from_le_bytes(*version);
-    if theirs != VERSION {
-        return Err(Refusal::Version { theirs });
-    }
-    if body.len() > MAX_BYTES {
-        return Err(Refusal::TooLong { n_bytes: bytes.len() });
-    }
-    let (wire, n_used): (WireBatch, usize) =
-        bincode::decode_from_slice(body, configuration()).map_err(|e| malformed(&e.to_string()))?;
-    if n_used != body.len() {
-        return Err(malformed(&format!("{} bytes too many", body.len() - n_used)));
-    }
+    let wire: WireBatch = from_bytes::<_, MAX_BYTES>(bytes)?;
     if wire.messages.len() > MAX_MESSAGES {
-        return Err(malformed(&format!("{} messages", wire.messages.len())));
+        return Err(Refusal::malformed(format_args!("{} messages", wire.messages.len())));
     }
     let messages = wire.messages.into_iter().map(message_from_wire).collect::<Result<_, _>>()?;
     Ok(Batch { session_id: wire.session_id, batch_idx: wire.batch_idx, messages })
@@ -245,6 +189,7 @@ fn strip_from_wire(wire: &WireCandidates) -> StripCandidates {
 
 #[cfg(test)]
 mod tests {
+    use super::super::VERSION;
     use super::*;
     use proptest::prelude::*;
 
@@ -332,7 +277,8 @@ mod tests {
         bytes[0] = 9;
         let refusal = batch_from_bytes(&bytes).unwrap_err();
         assert_eq!(refusal, Refusal::Version { theirs: 9 });
-        assert!(refusal.to_string().contains("version 9, this bridge version 3"));
+        let both = format!("version 9, this bridge version {VERSION}");
+        assert!(refusal.to_string().contains(&both));
     }
 
     #[test]

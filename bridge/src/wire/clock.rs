@@ -1,0 +1,91 @@
+//! Ping and pong ↔ bytes: what the time is on the board, and how far its batches have come.
+
+use super::{Refusal, bytes_from, from_bytes};
+use crate::keys::N_STREAMS;
+use bincode::{Decode, Encode};
+use shm_layout::StampNs;
+
+/// Most bytes of a ping or a pong.
+const MAX_BYTES: usize = 256;
+
+/// Asks a board for its time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Encode, Decode)]
+pub struct Ping {
+    /// When it was asked, on the asker's clock.
+    pub sent_ns: StampNs,
+}
+
+/// A board's answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Encode, Decode)]
+pub struct Pong {
+    /// As in the ping.
+    pub sent_ns: StampNs,
+    /// When the ping came, on the board's clock.
+    pub received_ns: StampNs,
+    /// When this left, on the board's clock.
+    pub answered_ns: StampNs,
+    /// Which run of the board's bridge this is.
+    pub session_id: u64,
+    /// The oldest batch of each stream that the board still has: what is before it is lost.
+    pub oldest_idx: [u64; N_STREAMS],
+    /// The one after the newest: a last batch that did not arrive is missed by this.
+    pub end_idx: [u64; N_STREAMS],
+}
+
+impl Ping {
+    /// Its bytes.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        bytes_from::<MAX_BYTES>(self)
+    }
+
+    /// The ping in these bytes.
+    ///
+    /// # Errors
+    /// When they are none of this version.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Refusal> {
+        from_bytes::<Self, MAX_BYTES>(bytes)
+    }
+}
+
+impl Pong {
+    /// Its bytes.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        bytes_from::<MAX_BYTES>(self)
+    }
+
+    /// The pong in these bytes.
+    ///
+    /// # Errors
+    /// When they are none of this version.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Refusal> {
+        from_bytes::<Self, MAX_BYTES>(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_pong_comes_back_as_it_was(stamps in any::<[i64; 3]>(), counts in any::<[u64; 5]>()) {
+            let pong = Pong {
+                sent_ns: stamps[0],
+                received_ns: stamps[1],
+                answered_ns: stamps[2],
+                session_id: counts[0],
+                oldest_idx: [counts[1], counts[2]],
+                end_idx: [counts[3], counts[4]],
+            };
+            prop_assert_eq!(Pong::from_bytes(&pong.to_bytes()), Ok(pong));
+        }
+
+        #[test]
+        fn any_bytes_are_a_ping_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            let _ = (Ping::from_bytes(&bytes), Pong::from_bytes(&bytes));
+        }
+    }
+}
