@@ -9,17 +9,22 @@
 //! quickest exchange of ten seconds is better, but a clock 20 ppm fast has moved by 200 µs in them.
 //!
 //! *The method.* An exchange has four stamps: sent (here), received and answered (there), returned
-//! (here). With `offset = ((received − sent) + (answered − returned)) / 2` its error is half the
-//! difference of the two ways, which is at most half of what the round trip took longer than the
-//! quickest can. So: of the last minute the quickest tenth is kept, and a straight line (offset and
-//! rate) is fitted to them, each weighted by that bound. The rate's prior is ±50 ppm.
+//! (here). `received − sent` is the offset and what the ping took, `answered − returned` the offset
+//! less what the pong took. Nothing is quicker than the quickest, so over a minute the first lie on
+//! and above a line, the second on and below one, both as steep as the clocks differ in rate; the
+//! offset runs midway between them. Each way is bounded by its own quickest packet, so no exchange
+//! has to be quick both ways, which makes the error fall as 1/n instead of 1/√n. For every rate the
+//! two lines are known at once (only points of the convex hulls can touch them); rates are weighed
+//! by how far apart they keep the lines, which is the likelihood when waiting is exponential, and
+//! by the prior that crystals are within ±50 ppm.
 //!
-//! *What it does not know* is how much longer one way takes than the other always: no exchange of
-//! messages can tell. It is stated as a share of the quickest round trip ([`ASYMMETRY`]). Shots
-//! find it: fusion fits the difference of the cameras' clocks to the ball.
+//! *How sure it is.* The line can be moved by about one spacing of the quickest packets; rates that
+//! are as likely give other offsets; and how much longer one way takes than the other *always* can
+//! be told by no exchange of messages: it is stated as a share of the quickest round trip
+//! ([`ASYMMETRY`]). Shots find it: fusion fits the difference of the cameras' clocks to the ball.
 //!
-//! Source: the on-wire offset of NTP (RFC 5905, section 8) and its minimum-delay filter (section
-//! 10); the line is that of Paxson, "On calibrating measurements of packet transit times" (1998).
+//! Source: the four stamps of NTP (RFC 5905, section 8); the lines of Moon, Skelly and Towsley,
+//! "Estimation and removal of clock skew from network delay measurements" (INFOCOM 1999).
 
 use shm_layout::StampNs;
 use std::collections::VecDeque;
@@ -29,12 +34,6 @@ const WINDOW_NS: i64 = 60_000_000_000;
 
 /// Most exchanges kept: [`WINDOW_NS`] at 25 a second.
 const MAX_EXCHANGES: usize = 1500;
-
-/// Of the exchanges in the window, the share that is used.
-const QUICKEST: f64 = 0.1;
-
-/// Fewest that are used, if there are as many.
-const N_USED_MIN: usize = 12;
 
 /// Exchanges before anything is told.
 const N_FIRST: usize = 8;
@@ -49,7 +48,13 @@ const STAMP_SIGMA_NS: f64 = 10_000.0;
 const ASYMMETRY: f64 = 0.08;
 
 /// What a crystal's rate may change within the window (temperature), as an error of the line.
-const WANDER_SIGMA_NS: f64 = 2_000.0;
+const WANDER_SIGMA_NS: f64 = 3_000.0;
+
+/// The spacing of the quickest packets is taken from so many of them.
+const N_QUICKEST: usize = 6;
+
+/// Rates that are weighed, either side of the likeliest.
+const N_RATES: i32 = 16;
 
 /// The four stamps of one exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,14 +73,6 @@ impl Exchange {
     fn round_trip_ns(&self) -> i64 {
         let here_ns = self.returned_ns.saturating_sub(self.sent_ns);
         here_ns.saturating_sub(self.answered_ns.saturating_sub(self.received_ns))
-    }
-
-    /// Board's clock less ours. Halved one by one: the sum of two stamps may be too large.
-    fn offset_ns(&self) -> i64 {
-        let [ping_ns, pong_ns] =
-            [(self.received_ns, self.sent_ns), (self.answered_ns, self.returned_ns)]
-                .map(|(there_ns, here_ns)| there_ns.saturating_sub(here_ns));
-        ping_ns / 2 + pong_ns / 2
     }
 
     fn is_possible(&self) -> bool {
@@ -143,66 +140,150 @@ impl Clock {
     }
 
     fn fitted(&self, now_ns: StampNs) -> Estimate {
-        let mut by_round_trip: Vec<&Exchange> = self.exchanges.iter().collect();
-        by_round_trip.sort_unstable_by_key(|exchange| exchange.round_trip_ns());
-        let n_quickest = (self.exchanges.len() as f64 * QUICKEST) as usize;
-        by_round_trip.truncate(n_quickest.max(N_USED_MIN));
-        let quickest = by_round_trip[0];
-        // The quickest seen is not the quickest there can be: it is less by about a spacing.
-        let spacing_ns = match by_round_trip.get(2) {
-            Some(third) => (third.round_trip_ns() - quickest.round_trip_ns()) as f64 / 2.0,
-            None => 0.0,
+        let newest = self.exchanges.back().expect("fitted after an exchange came in");
+        let origin_ns = newest.received_ns.saturating_sub(newest.sent_ns);
+        let point = |there_ns: StampNs, here_ns: StampNs| {
+            let since_s = here_ns.saturating_sub(now_ns) as f64 * 1e-9;
+            let offset_ns = there_ns.saturating_sub(here_ns).saturating_sub(origin_ns);
+            [since_s, offset_ns as f64]
         };
-        let least_ns = quickest.round_trip_ns() as f64 - spacing_ns;
-        let origin_ns = quickest.offset_ns();
-        let points = by_round_trip.iter().map(|exchange| {
-            let since_s = exchange.returned_ns.saturating_sub(now_ns) as f64 * 1e-9;
-            let off_ns = exchange.offset_ns().saturating_sub(origin_ns) as f64;
-            // Uniform within half of what it took longer.
-            let slack_ns = (exchange.round_trip_ns() as f64 - least_ns) / 12_f64.sqrt();
-            [since_s, off_ns, STAMP_SIGMA_NS.hypot(slack_ns)]
-        });
-        let line = Line::through(points, RATE_SIGMA * 1e9);
-        let asymmetry_ns = ASYMMETRY * quickest.round_trip_ns() as f64;
+        let pings = self.exchanges.iter().map(|e| point(e.received_ns, e.sent_ns));
+        let pongs = self.exchanges.iter().map(|e| point(e.answered_ns, e.returned_ns));
+        let pings = Bound::below(pings);
+        let pongs = Bound::below(pongs.map(|[since_s, offset_ns]| [since_s, -offset_ns]));
+        let middle = Middle::between(&pings, &pongs, RATE_SIGMA * 1e9);
+        let asymmetry_ns = ASYMMETRY * middle.round_trip_ns;
+        let sigma_ns = [STAMP_SIGMA_NS, WANDER_SIGMA_NS, asymmetry_ns]
+            .into_iter()
+            .fold(middle.sigma_ns, f64::hypot);
         Estimate {
             at_ns: now_ns,
-            board_minus_here_ns: origin_ns.saturating_add(line.at_zero.round() as i64),
-            rate: line.slope * 1e-9,
-            sigma_ns: line.sigma.hypot(asymmetry_ns).hypot(WANDER_SIGMA_NS),
-            round_trip_ns: quickest.round_trip_ns(),
+            board_minus_here_ns: origin_ns.saturating_add(middle.offset_ns.round() as i64),
+            rate: middle.rate_ns_s * 1e-9,
+            sigma_ns,
+            round_trip_ns: middle.round_trip_ns.round() as i64,
         }
     }
 }
 
-/// A weighted straight line and how sure it is at x = 0.
-struct Line {
-    at_zero: f64,
-    slope: f64,
-    sigma: f64,
+/// Points `[s, ns]` in the order of time, which lie on and above a line of unknown height.
+struct Bound {
+    points: Vec<[f64; 2]>,
+    hull: Vec<[f64; 2]>,
 }
 
-impl Line {
-    /// Through points `[x, y, sigma]`, with a prior of 0 ± `slope_sigma` for the slope.
-    fn through(points: impl Iterator<Item = [f64; 3]> + Clone, slope_sigma: f64) -> Self {
-        let mut sums = [0.0; 5];
-        for [x, y, sigma] in points.clone() {
-            let weight = sigma.powi(-2);
-            for (sum, term) in sums.iter_mut().zip([1.0, x, x * x, y, x * y]) {
+impl Bound {
+    /// Keeps those that a line from below can touch: the lower convex hull (Andrew 1979).
+    fn below(points: impl Iterator<Item = [f64; 2]>) -> Self {
+        let points: Vec<[f64; 2]> = points.collect();
+        let mut hull: Vec<[f64; 2]> = Vec::new();
+        for &[x, y] in &points {
+            while let [.., [x0, y0], [x1, y1]] = hull[..]
+                && (x1 - x0) * (y - y0) <= (x - x0) * (y1 - y0)
+            {
+                hull.pop();
+            }
+            hull.push([x, y]);
+        }
+        Self { points, hull }
+    }
+
+    /// How high the line of this slope lies now, at 0 s.
+    fn height_ns(&self, slope_ns_s: f64) -> f64 {
+        let heights = self.hull.iter().map(|[x, y]| y - slope_ns_s * x);
+        heights.fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far the points nearest to the line are from each other.
+    fn spacing_ns(&self, slope_ns_s: f64) -> f64 {
+        let mut heights: Vec<f64> = self.points.iter().map(|[x, y]| y - slope_ns_s * x).collect();
+        let last = N_QUICKEST.min(heights.len()) - 1;
+        let (quickest, nth, _) = heights.select_nth_unstable_by(last, f64::total_cmp);
+        let first = quickest.iter().copied().fold(*nth, f64::min);
+        (*nth - first) / f64::max(last as f64, 1.0)
+    }
+}
+
+/// What runs midway between the two lines.
+struct Middle {
+    offset_ns: f64,
+    rate_ns_s: f64,
+    sigma_ns: f64,
+    round_trip_ns: f64,
+}
+
+impl Middle {
+    /// Between pings and pongs, the latter upside down; `rate_sigma` is in ns/s.
+    fn between(pings: &Bound, pongs: &Bound, rate_sigma: f64) -> Self {
+        let apart_ns = |rate: f64| pings.height_ns(rate) + pongs.height_ns(-rate);
+        let offset_ns = |rate: f64| (pings.height_ns(rate) - pongs.height_ns(-rate)) / 2.0;
+        // The spacing depends on the rate, and which rates are likely on the spacing.
+        let mut best = 0.0;
+        let mut spacings = [0.0; 2];
+        for _ in 0..3 {
+            // Below this the sigma of a stamp is what counts.
+            let spacing = |bound: &Bound, rate| bound.spacing_ns(rate).max(STAMP_SIGMA_NS * 0.1);
+            spacings = [spacing(pings, best), spacing(pongs, -best)];
+            let unit_ns = f64::midpoint(spacings[0], spacings[1]);
+            let worth = |rate: f64| apart_ns(rate) / unit_ns - (rate / rate_sigma).powi(2) / 2.0;
+            best = highest(worth, 4.0 * rate_sigma);
+        }
+        let unit_ns = f64::midpoint(spacings[0], spacings[1]);
+        let worth = |rate: f64| apart_ns(rate) / unit_ns - (rate / rate_sigma).powi(2) / 2.0;
+        let step = step_of(&worth, best, rate_sigma);
+        let mut sums = [0.0; 4];
+        for k in -N_RATES..=N_RATES {
+            let rate = best + f64::from(k) * step;
+            let weight = (worth(rate) - worth(best)).exp();
+            let off_ns = offset_ns(rate) - offset_ns(best);
+            for (sum, term) in sums.iter_mut().zip([1.0, off_ns, off_ns * off_ns, rate - best]) {
                 *sum += weight * term;
             }
         }
-        let [w, wx, wxx, wy, wxy] = sums;
-        let wxx = wxx + slope_sigma.powi(-2);
-        let determinant = w * wxx - wx * wx;
-        let at_zero = (wxx * wy - wx * wxy) / determinant;
-        let slope = (w * wxy - wx * wy) / determinant;
-        let (n, squares) = points.fold((0.0, 0.0), |(n, squares), [x, y, sigma]| {
-            (n + 1.0, squares + ((y - at_zero - slope * x) / sigma).powi(2))
-        });
-        // Points that scatter more than they should say that the sigmas are too small.
-        let scatter = (squares / f64::max(n - 1.0, 1.0)).max(1.0);
-        Self { at_zero, slope, sigma: (wxx / determinant * scatter).sqrt() }
+        let [mean, square, rate] = [sums[1], sums[2], sums[3]].map(|sum| sum / sums[0]);
+        let of_rate_ns = (square - mean * mean).max(0.0).sqrt();
+        let of_lines_ns = spacings[0].hypot(spacings[1]) / 2.0;
+        Self {
+            offset_ns: offset_ns(best) + mean,
+            rate_ns_s: best + rate,
+            sigma_ns: of_rate_ns.hypot(of_lines_ns),
+            round_trip_ns: apart_ns(best),
+        }
     }
+}
+
+/// Where a concave function is highest within ± `limit`, by golden sections.
+fn highest(worth: impl Fn(f64) -> f64, limit: f64) -> f64 {
+    const SECTION: f64 = 0.618_033_988_749_895;
+    let (mut from, mut to) = (-limit, limit);
+    let inner = |from: f64, to: f64| [to - SECTION * (to - from), from + SECTION * (to - from)];
+    let [mut low, mut high] = inner(from, to);
+    let (mut worth_low, mut worth_high) = (worth(low), worth(high));
+    for _ in 0..36 {
+        if worth_low < worth_high {
+            (from, low, worth_low) = (low, high, worth_high);
+            high = inner(from, to)[1];
+            worth_high = worth(high);
+        } else {
+            (to, high, worth_high) = (high, low, worth_low);
+            low = inner(from, to)[0];
+            worth_low = worth(low);
+        }
+    }
+    f64::midpoint(from, to)
+}
+
+/// A step of which [`N_RATES`] reach where the worth is 8 below the best: e^-8 of its weight.
+fn step_of(worth: &impl Fn(f64) -> f64, best: f64, rate_sigma: f64) -> f64 {
+    let is_far = |reach: f64| {
+        let least = worth(best) - 8.0;
+        worth(best + reach).max(worth(best - reach)) < least
+    };
+    let mut reach = 4.0 * rate_sigma;
+    while reach > 1e-3 && is_far(reach / 2.0) {
+        reach /= 2.0;
+    }
+    reach / f64::from(N_RATES)
 }
 
 #[cfg(test)]
