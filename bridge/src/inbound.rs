@@ -4,7 +4,7 @@
 //! what is newest when fusion's computer is overwhelmed, and counts it.
 
 use crate::gaps::Gaps;
-use crate::session::{self, End};
+use crate::session::{self, Options};
 use crate::wire::{self, Batch, Message};
 use crate::{Error, network};
 use crossbeam::channel::{RecvTimeoutError, Sender, bounded};
@@ -48,7 +48,8 @@ struct Counts {
 ///
 /// # Errors
 /// When shared memory or the network cannot be had.
-pub fn run(court: &str, endpoint: &str, stop: &Stop) -> Result<Received, Error> {
+pub fn run(options: &Options, stop: &Stop) -> Result<Received, Error> {
+    let court = &options.court;
     let member = Domain::new(court, Place::Fusion)?.join("bridge")?;
     let (candidates, frames_info) = (member.candidates()?, member.frames_info()?);
     let (strips, infos) = (candidates.writer()?, frames_info.writer()?);
@@ -59,7 +60,7 @@ pub fn run(court: &str, endpoint: &str, stop: &Stop) -> Result<Received, Error> 
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    let session = session::open(End::Listen(endpoint))?;
+    let session = session::open(options)?;
     let (to_memory, from_network) = bounded(MAX_WAITING);
     let counts = Arc::new(Counts::default());
     let mut subscribers = Vec::new();

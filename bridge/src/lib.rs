@@ -8,9 +8,11 @@
 //! common clock, `exposed_ns` is on the camera's own.
 #![forbid(unsafe_code)]
 
+pub mod access;
 pub mod gaps;
 pub mod inbound;
 pub mod outbound;
+pub mod pairing;
 pub mod session;
 pub mod wire;
 
@@ -22,6 +24,15 @@ pub enum Error {
     /// Shared memory cannot be had.
     #[error(transparent)]
     Services(#[from] services::Error),
+    /// Keys cannot be used.
+    #[error(transparent)]
+    Keys(#[from] pairing::Error),
+    /// An address beyond this machine, and no keys.
+    #[error("{0}: without keys bridges meet on loopback only; {1}")]
+    NoKeys(String, String),
+    /// An address cannot be used.
+    #[error("{0}: {1}")]
+    Endpoint(String, String),
     /// The network cannot be had; `what` says which step.
     #[error("network: cannot {what}: {why}")]
     Network {

@@ -4,7 +4,7 @@
 //! publishes and may be held up by the network. Between them stands a bounded queue that drops its
 //! oldest batch; as batches are numbered before they enter it, the far end sees the hole.
 
-use crate::session::{self, End};
+use crate::session::{self, Options};
 use crate::wire::{self, Batch, MAX_MESSAGES, Message};
 use crate::{Error, network};
 use crossbeam::channel::{Receiver, Sender, TrySendError, bounded};
@@ -36,9 +36,10 @@ pub struct Sent {
 ///
 /// # Errors
 /// When shared memory or the network cannot be had.
-pub fn run(court: &str, camera: Camera, endpoint: &str, stop: &Stop) -> Result<Sent, Error> {
+pub fn run(options: &Options, camera: Camera, stop: &Stop) -> Result<Sent, Error> {
+    let court = &options.court;
     let domain = Domain::new(court, Place::Board(camera))?;
-    let session = session::open(End::Connect(endpoint))?;
+    let session = session::open(options)?;
     let publisher = session
         .declare_publisher(session::candidates_key(court, camera)?)
         .congestion_control(CongestionControl::Block)
