@@ -1,7 +1,8 @@
 //! Room 3: candidates ↔ wire ↔ candidates.
 //!
 //! Read in this order: [`wire`] is messages as bytes, [`keys`] where they are published, [`session`]
-//! the Zenoh session both ends open, [`presence`] whether the other end is there. On a board
+//! the Zenoh session both ends open ([`pairing`] makes the keys, [`access`] says who may speak under
+//! which), [`presence`] whether the other end is there. On a board
 //! [`ring`] is the last ten seconds and [`outbound`] all of it (shared memory → network). Beside
 //! fusion [`gaps`] brings batches into order, [`clock`] knows the board's time, and [`inbound`] is
 //! all of it (network → shared memory).
@@ -10,11 +11,13 @@
 //! on the clock of the machine they are read on.
 #![forbid(unsafe_code)]
 
+pub mod access;
 pub mod clock;
 pub mod gaps;
 pub mod inbound;
 pub mod keys;
 pub mod outbound;
+pub mod pairing;
 pub mod presence;
 pub mod ring;
 pub mod session;
@@ -28,6 +31,15 @@ pub enum Error {
     /// Shared memory cannot be had.
     #[error(transparent)]
     Services(#[from] services::Error),
+    /// Keys cannot be used.
+    #[error(transparent)]
+    Keys(#[from] pairing::Error),
+    /// An address beyond this machine, and no keys.
+    #[error("{0}: without keys bridges meet on loopback only; {1}")]
+    NoKeys(String, String),
+    /// An address cannot be used.
+    #[error("{0}: {1}")]
+    Endpoint(String, String),
     /// The network cannot be had; `what` says which step.
     #[error("network: cannot {what}: {why}")]
     Network {

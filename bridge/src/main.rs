@@ -1,10 +1,12 @@
 //! `bridge`: between the shared memory of a machine and the network.
 
-use bridge::session::DEFAULT_ENDPOINT;
+use bridge::pairing::command::Pair;
+use bridge::session::{Options, Role};
 use bridge::{inbound, outbound, session};
 use clap::{Parser, Subcommand};
 use shm_layout::Camera;
 use shm_layout::stop::Stop;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Carries candidates from boards to fusion.
@@ -28,19 +30,33 @@ enum End {
         /// Which camera's board: left or right.
         #[arg(long)]
         camera: Camera,
-        /// Where the bridge beside fusion listens.
-        #[arg(long, value_name = "ENDPOINT", default_value = DEFAULT_ENDPOINT)]
-        connect: String,
+        /// Where the bridge beside fusion listens, as tls/192.168.1.5:7447 [default: found in the
+        /// network with keys, on this machine without].
+        #[arg(long, value_name = "ENDPOINT")]
+        connect: Vec<String>,
+        /// Folder of the keys [default: ~/.config/tennis/<court>, if there].
+        #[arg(long, value_name = "DIR")]
+        keys: Option<PathBuf>,
     },
     /// Beside fusion: network to shared memory.
     Fusion {
         /// Name of the court: 1 to 32 of a-z, 0-9 and '-'.
         #[arg(long)]
         court: String,
-        /// Where boards connect. Anything but loopback is open to whoever reaches it.
-        #[arg(long, value_name = "ENDPOINT", default_value = DEFAULT_ENDPOINT)]
-        listen: String,
+        /// Where boards connect, as tls/0.0.0.0:7447, which is the default with keys; without it is
+        /// this machine alone.
+        #[arg(long, value_name = "ENDPOINT")]
+        listen: Vec<String>,
+        /// A club's router to connect to, as tls/10.0.0.1:7447.
+        #[arg(long, value_name = "ENDPOINT")]
+        connect: Vec<String>,
+        /// Folder of the keys [default: ~/.config/tennis/<court>, if there].
+        #[arg(long, value_name = "DIR")]
+        keys: Option<PathBuf>,
     },
+    /// Makes the keys with which a court's machines know each other.
+    #[command(subcommand)]
+    Pair(Pair),
 }
 
 fn main() -> ExitCode {
@@ -62,21 +78,25 @@ fn place(end: &End) -> &'static str {
     match end {
         End::Board { camera, .. } => camera.name(),
         End::Fusion { .. } => "fusion",
+        End::Pair(_) => "pair",
     }
 }
 
 fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     match &flags.end {
-        End::Board { court, camera, connect } => {
-            let session = session::open(session::End::Connect(connect))?;
-            let sent = outbound::run(&session, court, *camera, stop)?;
+        End::Board { court, camera, connect, keys } => {
+            let (connect, keys) = (connect.clone(), keys.clone());
+            let options = Options { connect, keys, ..Options::new(court, Role::Board(*camera)) };
+            let sent = outbound::run(&session::open(&options)?, court, *camera, stop)?;
             tracing::info!(?sent, "bridge {camera} stopped");
         }
-        End::Fusion { court, listen } => {
-            let session = session::open(session::End::Listen(listen))?;
-            let received = inbound::run(&session, court, stop)?;
+        End::Fusion { court, listen, connect, keys } => {
+            let (listen, connect, keys) = (listen.clone(), connect.clone(), keys.clone());
+            let options = Options { listen, connect, keys, ..Options::new(court, Role::Fusion) };
+            let received = inbound::run(&session::open(&options)?, court, stop)?;
             tracing::info!(?received, "bridge fusion stopped");
         }
+        End::Pair(pair) => eprintln!("{}", pair.run()?),
     }
     Ok(())
 }

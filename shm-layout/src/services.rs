@@ -176,6 +176,16 @@ impl Place {
     }
 }
 
+/// Checks the name of a court.
+///
+/// # Errors
+/// When it is not 1 to 32 of `a-z`, `0-9`, `-`.
+pub fn check_court_name(court: &str) -> Result<(), Error> {
+    let is_fit = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    let is_name = (1..=32).contains(&court.len()) && court.chars().all(is_fit);
+    is_name.then_some(()).ok_or_else(|| Error::CourtName(court.to_owned()))
+}
+
 /// One place of one court: the part of shared memory whose processes meet.
 #[derive(Debug, Clone)]
 pub struct Domain {
@@ -189,10 +199,7 @@ impl Domain {
     /// # Errors
     /// When `court` is not 1 to 32 of `a-z`, `0-9`, `-`.
     pub fn new(court: &str, place: Place) -> Result<Self, Error> {
-        let is_fit = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-        if court.is_empty() || court.len() > 32 || !court.chars().all(is_fit) {
-            return Err(Error::CourtName(court.to_owned()));
-        }
+        check_court_name(court)?;
         let prefix = format!("tennis_{court}_{}_", place.name());
         set_log_level(LogLevel::Error); // iceoryx2 warns of every default it uses
         // A root of one's own: with the default one the second user of a machine is locked out.
