@@ -99,6 +99,8 @@ pub struct Fusion {
     tracklets: tracklets::Tracklets,
     decider: decided::Decider,
     clock: Clock,
+    /// Of both cameras' last frames.
+    clock_sigmas_ns: [Option<u32>; 2],
     watch: Watch,
     alarms: Vec<Alarm>,
     evidence: Vec<Evidence>,
@@ -125,6 +127,7 @@ impl Fusion {
             tracklets: tracklets::Tracklets::default(),
             decider: decided::Decider::default(),
             clock: Clock::default(),
+            clock_sigmas_ns: [None; 2],
             alarms: Vec::new(),
             evidence: Vec::new(),
             now_ns: 0,
@@ -182,17 +185,22 @@ impl Fusion {
         self.history = History::default();
         self.seeds = seeds::Seeds::default();
         self.clock = Clock::default();
+        self.clock_sigmas_ns = [None; 2];
         shots
     }
 
     /// From a rectified frame on, in the order of time.
     fn tracked(&mut self, frame: RectifiedFrame) -> Vec<Shot> {
-        let RectifiedFrame { camera, t_ns, .. } = frame;
+        let RectifiedFrame { camera, t_ns, clock_sigma_ns, .. } = frame;
         self.now_ns = t_ns;
+        self.clock_sigmas_ns[camera.idx()] = Some(clock_sigma_ns);
+        if let [Some(left), Some(right)] = self.clock_sigmas_ns {
+            self.clock.note_stamps(t_ns, [left, right]);
+        }
         self.periods[camera.idx()].update(t_ns);
         self.history.push(frame);
         let world =
-            World { rig: &self.rig, physics: &self.physics, clock_s: self.clock.offset_s(t_ns) };
+            World { rig: &self.rig, physics: &self.physics, clock_s: self.clock.doubted_s(t_ns) };
         let (history, dropped) = (&mut self.history, &mut self.dropped);
         self.tracklets.update(camera, history, &world);
         let [left, right] = Camera::BOTH.map(|camera| history.newest(camera));
@@ -214,7 +222,7 @@ impl Fusion {
     }
 
     fn decided(&mut self, now_ns: Option<StampNs>) -> Vec<Shot> {
-        let clock_s = self.clock.offset_s(self.now_ns);
+        let clock_s = self.clock.doubted_s(self.now_ns);
         let world = World { rig: &self.rig, physics: &self.physics, clock_s };
         let Settings { ground_sigma_m, bias_sigma_px, .. } = self.settings;
         let terms = Terms { world, ground_sigma_m, bias_sigma_px };
@@ -266,7 +274,7 @@ impl Fusion {
     /// What was left out so far.
     #[must_use]
     pub fn dropped(&self) -> Dropped {
-        self.dropped
+        Dropped { n_stamps_contradicted: self.decider.n_contradicted(), ..self.dropped }
     }
 
     /// Paths that were no shot so far.

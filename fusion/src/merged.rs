@@ -80,9 +80,10 @@ impl Merge {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shm_layout::stamp::OWN_CLOCK;
 
     fn frame(camera: Camera, t_ns: StampNs) -> RectifiedFrame {
-        RectifiedFrame { camera, t_ns, spots: Vec::new() }
+        RectifiedFrame { camera, t_ns, clock_sigma_ns: OWN_CLOCK, spots: Vec::new() }
     }
 
     #[test]

@@ -84,6 +84,8 @@ pub struct RectifiedFrame {
     pub camera: Camera,
     /// Mid-exposure of the first row.
     pub t_ns: StampNs,
+    /// 1 sigma of the stamp on this machine's clock, or [`shm_layout::stamp::OWN_CLOCK`].
+    pub clock_sigma_ns: u32,
     /// The candidates, by their raw rows.
     pub spots: Vec<Rectified>,
 }
@@ -122,7 +124,8 @@ pub fn from_candidates(
         spots.push(Rectified { sighting, pixel, size });
     }
     spots.sort_by(|a, b| a.sighting.raw.y_px.total_cmp(&b.sighting.raw.y_px));
-    RectifiedFrame { camera, t_ns: frame.exposed_ns, spots }
+    let FrameCandidates { exposed_ns: t_ns, clock_sigma_ns, .. } = *frame;
+    RectifiedFrame { camera, t_ns, clock_sigma_ns, spots }
 }
 
 /// Covariance of the centre; the detector's if it is one.

@@ -139,3 +139,50 @@ fn what_cannot_be_is_dropped_and_never_a_panic() {
     assert!(dropped.n_not_finite == 72 && dropped.n_outside_image == 72, "{dropped:?}");
     assert!(dropped.n_backward_frames > 0);
 }
+
+/// How long both cameras' stamps are said to be off at most, and what they really are.
+fn stamped(frames: &mut pretend::Frames, sigma_ns: u32, right_ahead_ns: StampNs) {
+    pretend::set_right_clock(frames, right_ahead_ns);
+    frames.iter_mut().for_each(|(_, frame)| frame.clock_sigma_ns = sigma_ns);
+}
+
+#[test]
+fn stamps_on_one_clock_tell_what_a_shot_alone_does_not() {
+    let serve = Serve { launch_ns: 200_000_000, ..pretend::THESIS_SERVE };
+    let (frames, _) = pretend::seen(&[serve], 180, &POOR_SIGHT, 3);
+    let clock_of = |sigma_ns| {
+        let mut frames = frames.clone();
+        stamped(&mut frames, sigma_ns, 0);
+        let (fusion, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
+        assert_eq!(shots.len(), 1);
+        assert_eq!(fusion.dropped().n_stamps_contradicted, 0);
+        shots[0].clock.unwrap()
+    };
+    let (alone, known) = (clock_of(shm_layout::stamp::OWN_CLOCK), clock_of(30_000));
+    println!("alone {alone:?}, with stamps on one clock {known:?}");
+    // 30 µs of each camera are 42 of both.
+    assert!(alone.sigma_s > 60e-6 && known.sigma_s < 42.5e-6);
+    assert!(known.right_minus_left_s.abs() < alone.right_minus_left_s.abs());
+}
+
+#[test]
+fn stamps_that_are_not_as_good_as_they_say_spoil_no_shot() {
+    let at = |launch_ns| Serve { launch_ns, ..pretend::THESIS_SERVE };
+    let serves = [at(200_000_000), at(3_200_000_000)];
+    let truth = pretend::flown(&serves[0], &[]).bounce;
+    for ahead_ns in [-3_000_000, 1_500_000, 3_000_000] {
+        let (mut frames, _) = pretend::seen(&serves, 460, &POOR_SIGHT, 3);
+        stamped(&mut frames, 20_000, ahead_ns);
+        let (fusion, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
+        assert_eq!(shots.len(), 2, "{:?}", fusion.rejected());
+        for shot in &shots {
+            let off = shot.bounce.as_ref().unwrap().position_m - truth.position_m;
+            let clock = shot.clock.unwrap();
+            println!("{ahead_ns} ns: bounce {:+.3} {:+.3} m, {clock:?}", off.x, off.y);
+            assert!(off.norm() < 0.05, "{ahead_ns} ns: {off}");
+            let clock_off_s = clock.right_minus_left_s - ahead_ns as f64 * 1e-9;
+            assert!(clock_off_s.abs() < 4.0 * clock.sigma_s, "{ahead_ns} ns: {clock:?}");
+        }
+        assert_eq!(fusion.dropped().n_stamps_contradicted, 1, "the second knows better");
+    }
+}

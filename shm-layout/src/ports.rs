@@ -263,7 +263,11 @@ impl FrameReader {
     }
 }
 
-pub(crate) fn wake_of(node: &Node<ipc::Service>, name: &ServiceName, row: Row) -> Result<Wake, Error> {
+pub(crate) fn wake_of(
+    node: &Node<ipc::Service>,
+    name: &ServiceName,
+    row: Row,
+) -> Result<Wake, Error> {
     node.service_builder(name)
         .event()
         .max_notifiers(row.writers)
