@@ -84,8 +84,8 @@ struct Last {
     n_backward: u32,
 }
 
-/// The whole chain. Feed it both cameras' frames as they arrive; the cameras may be up to
-/// [`Settings::n_waiting_frames`] frames apart.
+/// The whole chain. Feed it both cameras' frames as they arrive; the cameras may be as far apart as
+/// [`Settings::waits`] says.
 pub struct Fusion {
     rig: Rig,
     physics: Physics,
@@ -161,8 +161,8 @@ impl Fusion {
         let dropped = &mut self.dropped;
         let rectified =
             rectified::from_candidates(camera, frame, &self.rig, rectification, settings, dropped);
-        let n_waiting = settings.n_waiting_frames;
-        for frame in self.merge.update(rectified, n_waiting, &mut self.dropped) {
+        let waits = settings.waits;
+        for frame in self.merge.update(rectified, &waits, &mut self.dropped) {
             shots.extend(self.tracked(frame));
         }
         shots

@@ -4,6 +4,7 @@ use anyhow::{Context as _, bail, ensure};
 use clap::Parser;
 use fusion::candidates_csv::CsvWriter;
 use fusion::intake::{FrameCounts, Intake};
+use fusion::merged::Waits;
 use fusion::shot::ClockOffset;
 use fusion::watch::{Alarm, words};
 use fusion::world::air;
@@ -24,8 +25,6 @@ use std::time::{Duration, Instant};
 const NEWS_WITHIN: Duration = Duration::from_secs(30);
 /// Strips that are not here this long after the last frame was announced are lost.
 const STRAGGLERS_WITHIN: Duration = Duration::from_secs(2);
-/// How far one recording may be ahead of the other: twelve minutes at 90 frames/s.
-const N_WAITING_RECORDED: usize = 1 << 16;
 /// Most shots kept for the document at the end; a day of one every three seconds.
 const MAX_SHOTS: usize = 28_800;
 
@@ -125,7 +124,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         ..Settings::default()
     };
     if !flags.recorded.is_empty() {
-        settings.n_waiting_frames = N_WAITING_RECORDED;
+        settings.waits = Waits::RECORDED;
     }
     let fusion = rig.clone().map(|rig| Fusion::new(rig, settings));
     let table = Table { rig, fusion, outputs };

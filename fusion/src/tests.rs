@@ -186,3 +186,47 @@ fn stamps_that_are_not_as_good_as_they_say_spoil_no_shot() {
         assert_eq!(fusion.dropped().n_stamps_contradicted, 1, "the second knows better");
     }
 }
+
+/// The right camera's frames of some time come when its link is back, all at once.
+fn cut(frames: &pretend::Frames, off_s: std::ops::Range<f64>) -> pretend::Frames {
+    let [from_ns, to_ns] = [off_s.start, off_s.end].map(|s| (s * 1e9) as StampNs);
+    let is_cut = |(camera, frame): &(Camera, FrameCandidates)| {
+        *camera == Camera::Right && (from_ns..to_ns).contains(&frame.exposed_ns)
+    };
+    let (late, mut out): (Vec<_>, Vec<_>) = frames.iter().cloned().partition(is_cut);
+    let back = out.partition_point(|(_, frame)| frame.exposed_ns < to_ns);
+    out.splice(back..back, late);
+    out
+}
+
+#[test]
+fn a_shot_that_fell_into_an_outage_of_three_seconds_is_the_same_to_the_last_bit() {
+    let at = |launch_ns| Serve { launch_ns, ..pretend::THESIS_SERVE };
+    let serves = [at(1_000_000_000), at(4_000_000_000), at(11_500_000_000)];
+    for (sigma_ns, off_s) in [(shm_layout::stamp::OWN_CLOCK, 3.5..6.5), (200_000, 2.0..11.9)] {
+        let (mut frames, _) = pretend::seen(&serves, 1300, &POOR_SIGHT, 3);
+        stamped(&mut frames, sigma_ns, 0);
+        let told = |frames| pretend::told(pretend::reference_rig(), Settings::default(), frames);
+        let (prompt_fusion, prompt) = told(&frames);
+        let (late_fusion, late) = told(&cut(&frames, off_s));
+        assert_eq!(prompt.len(), 3, "{:?}", prompt_fusion.rejected());
+        assert_eq!(late, prompt);
+        assert_eq!(late_fusion.clock(), prompt_fusion.clock());
+        assert_eq!(late_fusion.dropped(), prompt_fusion.dropped());
+        assert_eq!(late_fusion.rejected(), prompt_fusion.rejected());
+    }
+}
+
+#[test]
+fn a_shot_in_an_outage_is_told_when_the_link_is_back_and_not_without_it() {
+    let serve = Serve { launch_ns: 2_000_000_000, ..pretend::THESIS_SERVE };
+    let (frames, _) = pretend::seen(&[serve], 720, &POOR_SIGHT, 3);
+    let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
+    let frames = cut(&frames, 1.5..4.5);
+    let told = frames.iter().position(|(camera, frame)| !fusion.update(*camera, frame).is_empty());
+    let (camera, frame) = &frames[told.unwrap()];
+    assert_eq!(*camera, Camera::Right);
+    // The burst gives all that left waits for, up to what decides the shot: 0.8 s after it.
+    let since_s = motion::seconds_between(serve.launch_ns, frame.exposed_ns);
+    assert!((1.0..2.0).contains(&since_s), "{since_s} s");
+}
