@@ -194,7 +194,8 @@ mod tests {
         let world = World { rig: &rig, physics: &physics, clock_s: [0.0, clock_sigma_s] };
         let mut history = History::default();
         for (camera, spots) in Camera::BOTH.into_iter().zip([lefts, rights]) {
-            history.push(RectifiedFrame { camera, t_ns: 0, clock_sigma_ns: OWN_CLOCK, spots });
+            let (frame_idx, t_ns, clock_sigma_ns) = (0, 0, OWN_CLOCK);
+            history.push(RectifiedFrame { camera, frame_idx, t_ns, clock_sigma_ns, spots });
         }
         let [left, right] = Camera::BOTH.map(|camera| history.newest(camera).unwrap());
         let (settings, mut dropped) = (Settings::default(), Dropped::default());

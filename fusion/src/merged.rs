@@ -133,7 +133,8 @@ mod tests {
     use shm_layout::stamp::OWN_CLOCK;
 
     fn frame(camera: Camera, t_ns: StampNs) -> RectifiedFrame {
-        RectifiedFrame { camera, t_ns, clock_sigma_ns: OWN_CLOCK, spots: Vec::new() }
+        let (frame_idx, clock_sigma_ns) = (0, OWN_CLOCK);
+        RectifiedFrame { camera, frame_idx, t_ns, clock_sigma_ns, spots: Vec::new() }
     }
 
     /// A stream, and how many of its frames came out, and in which order.

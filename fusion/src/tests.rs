@@ -87,7 +87,7 @@ fn a_shot_is_told_when_it_is_decided_and_not_at_the_end() {
     let (frames, truths) = pretend::seen(&[serve], 400, &POOR_SIGHT, 3);
     let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
     let told = frames.iter().find(|(camera, frame)| !fusion.update(*camera, frame).is_empty());
-    let late_s = motion::seconds_between(truths[0].bounce.t_ns, told.unwrap().1.exposed_ns);
+    let late_s = seconds_between(truths[0].bounce.t_ns, told.unwrap().1.exposed_ns);
     assert!(late_s < 0.8, "{late_s} s after the bounce");
 }
 
@@ -227,6 +227,33 @@ fn a_shot_in_an_outage_is_told_when_the_link_is_back_and_not_without_it() {
     let (camera, frame) = &frames[told.unwrap()];
     assert_eq!(*camera, Camera::Right);
     // The burst gives all that left waits for, up to what decides the shot: 0.8 s after it.
-    let since_s = motion::seconds_between(serve.launch_ns, frame.exposed_ns);
+    let since_s = seconds_between(serve.launch_ns, frame.exposed_ns);
     assert!((1.0..2.0).contains(&since_s), "{since_s} s");
+}
+
+/// Lost frames of each camera of the only shot, some of the right camera's frames having been lost.
+fn lost_of(n_frames: usize, is_lost: impl Fn(u64) -> bool) -> [Option<u64>; 2] {
+    let serve = Serve { launch_ns: 1_000_000_000, ..pretend::THESIS_SERVE };
+    let (mut frames, _) = pretend::seen(&[serve], n_frames, &POOR_SIGHT, 3);
+    frames.retain(|(camera, frame)| *camera == Camera::Left || !is_lost(frame.frame_idx));
+    let (fusion, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
+    assert_eq!(shots.len(), 1, "{:?}", fusion.rejected());
+    shots[0].frames_lost
+}
+
+#[test]
+fn a_shot_says_how_many_frames_of_each_camera_never_came() {
+    assert_eq!(lost_of(280, |_| false), [Some(0), Some(0)]);
+    assert_eq!(lost_of(280, |idx| (120..128).contains(&idx) || idx == 140), [Some(0), Some(9)]);
+    assert_eq!(lost_of(280, |idx| idx < 60 && idx > 50), [Some(0), Some(0)], "before the launch");
+    assert_eq!(lost_of(280, |_| true), [Some(0), None], "no such camera");
+    // Died half a second after the launch; the bounce is a second and a bit after it.
+    let [_, died] = lost_of(1300, |idx| idx >= 135);
+    assert!((40..90).contains(&died.unwrap()), "{died:?}");
+    // Died ten seconds before it.
+    let serve = Serve { launch_ns: 11_000_000_000, ..pretend::THESIS_SERVE };
+    let (mut frames, _) = pretend::seen(&[serve], 1300, &POOR_SIGHT, 3);
+    frames.retain(|(camera, frame)| *camera == Camera::Left || frame.frame_idx < 20);
+    let (_, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
+    assert_eq!(shots[0].frames_lost, [Some(0), None]);
 }
