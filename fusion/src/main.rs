@@ -14,6 +14,7 @@ use fusion::{
 use shm_layout::ports::MessageWriter;
 use shm_layout::services::{Domain, Place};
 use shm_layout::stop::Stop;
+use shm_layout::text::TextWriter;
 use shm_layout::{Camera, FrameInfo};
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
@@ -30,7 +31,8 @@ const MAX_SHOTS: usize = 28_800;
 
 /// Measures shots from the candidates of two cameras.
 ///
-/// Live, each shot is a line of JSON on stdout and a message of the service `shots`; a line
+/// Live, each shot is a line of JSON on stdout, a message of the service `shots` and a text of the
+/// service `shots-json`; a line
 /// "watch/1" says that a camera has turned since the rig was calibrated. With
 /// --recorded, ends when the recordings are over; then --json FILE holds all of them.
 #[derive(Debug, Parser)]
@@ -225,6 +227,7 @@ fn from_files(flags: &Flags, mut table: Table) -> anyhow::Result<()> {
 fn from_boards(flags: &Flags, mut table: Table, stop: &Stop) -> anyhow::Result<()> {
     let member = Domain::new(&flags.court, Place::Fusion)?.join("fusion")?;
     table.outputs.shots_out = Some(member.shots()?.writer()?);
+    table.outputs.texts_out = Some(member.shots_json()?.writer()?);
     let (candidates, frames_info) = (member.candidates()?, member.frames_info()?);
     let (strips, alarm) = (candidates.reader()?, candidates.alarm()?);
     let infos = frames_info.reader()?;
@@ -294,6 +297,7 @@ struct Outputs {
     n_shots: u64,
     clock: Option<ClockOffset>,
     shots_out: Option<MessageWriter<shm_layout::Shot>>,
+    texts_out: Option<TextWriter>,
     candidates: [Option<CsvWriter<BufWriter<File>>>; 2],
 }
 
@@ -321,6 +325,7 @@ impl Outputs {
             n_shots: 0,
             clock: None,
             shots_out: None,
+            texts_out: None,
             candidates,
         })
     }
@@ -338,8 +343,14 @@ impl Outputs {
                 writer.send(message::from_shot(&shot, self.n_shots))?;
             }
             self.n_shots += 1;
-            if self.is_live {
-                println!("{}", shots_json::text_from_shot(&shot));
+            if self.is_live || self.texts_out.is_some() {
+                let text = shots_json::text_from_shot(&shot);
+                if let Some(writer) = &self.texts_out {
+                    writer.send(&text)?;
+                }
+                if self.is_live {
+                    println!("{text}");
+                }
             }
             if self.json.is_some() {
                 ensure!(
