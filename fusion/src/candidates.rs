@@ -25,6 +25,9 @@ pub struct FrameCandidates {
     pub frame_idx: u64,
     /// Mid-exposure of the first row.
     pub exposed_ns: StampNs,
+    /// As in [`StripCandidates`]: 1 sigma of `exposed_ns` on this machine's clock, or
+    /// [`shm_layout::stamp::OWN_CLOCK`].
+    pub clock_sigma_ns: u32,
     /// The background was still being learned.
     pub is_learning: bool,
     /// Spots beyond [`MAX_CANDIDATES`], left out by a worker or here.
@@ -141,6 +144,7 @@ impl Gather {
                 recording_id: strip.recording_id,
                 frame_idx: strip.frame_idx,
                 exposed_ns: strip.exposed_ns,
+                clock_sigma_ns: 0,
                 is_learning: false,
                 n_dropped: 0,
                 spots: Vec::new(),
@@ -153,6 +157,8 @@ impl Gather {
             self.counts.n_duplicates += 1;
         } else {
             pending.strips_seen |= bit;
+            let frame = &mut pending.frame;
+            frame.clock_sigma_ns = frame.clock_sigma_ns.max(strip.clock_sigma_ns);
             pending.frame.is_learning |= strip.is_learning != 0;
             pending.frame.n_dropped += u64::from(strip.n_dropped);
             pending.frame.spots.extend_from_slice(strip.spots());

@@ -2,11 +2,12 @@
 //!
 //! Header `t_ns,x_px,y_px` and optionally `width_px,height_px,area_px`, in any order; rows with the
 //! same `t_ns` are one frame; raw pixels. An empty size is not known (NaN within). A frame without
-//! candidates has no rows. Printing and parsing are inverses on frames with candidates; the printed
+//! candidates has no rows. Stamps are on a clock of their own. Printing and parsing are inverses on frames with candidates; the printed
 //! form always has the sizes.
 
 use crate::Error;
 use crate::candidates::FrameCandidates;
+use shm_layout::stamp::OWN_CLOCK;
 use shm_layout::{Candidate, StampNs};
 use std::io::{Read, Write};
 
@@ -35,6 +36,7 @@ pub fn frames_from(reader: impl Read, label: &str) -> Result<Vec<FrameCandidates
                 recording_id: 0,
                 frame_idx: frames.len() as u64,
                 exposed_ns: t_ns,
+                clock_sigma_ns: OWN_CLOCK,
                 is_learning: false,
                 n_dropped: 0,
                 spots: vec![spot],

@@ -22,6 +22,8 @@ pub struct Dropped {
     pub n_points_beyond_max: u64,
     /// Tracklets beyond [`crate::tracklets::MAX_TRACKLETS`].
     pub n_tracklets_beyond_max: u64,
+    /// Times a shot contradicted what stamps on one clock say: it was believed, they were not.
+    pub n_stamps_contradicted: u64,
 }
 
 /// Paths that were no shot so far, by [`Rejection`].

@@ -90,7 +90,7 @@ pub struct History {
 impl History {
     /// Keeps a frame; forgets what is too old.
     pub fn push(&mut self, frame: RectifiedFrame) {
-        let RectifiedFrame { camera, t_ns, mut spots } = frame;
+        let RectifiedFrame { camera, t_ns, mut spots, .. } = frame;
         spots.truncate(MAX_CANDIDATES);
         let side = &mut self.sides[camera.idx()];
         let serial = side.next_serial;

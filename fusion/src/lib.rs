@@ -3,7 +3,7 @@
 //! Read in this order, which is that of the chain: [`world`] (what is known before play), then
 //! [`candidates`] (strips of a frame put together; [`intake`] keeps account of them,
 //! [`candidates_csv`] reads and writes files of them), [`rectified`], [`merged`] (one stream in the
-//! order of time), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`] ([`lone`]
+//! order of time), [`arrivals`] (what did not come), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`] ([`lone`]
 //! if one camera is silent), [`motion`] and [`tracklets`], [`look`] and [`path`], [`flight`],
 //! [`launch`] and [`shot`], [`decided`], and how they leave, [`shots_json`] and [`message`].
 //! [`clock`] carries what shots say of the cameras' clocks, [`watch`] what they say of the rig that
@@ -17,6 +17,7 @@
 //! candidates come from is not this room's concern.
 #![forbid(unsafe_code)]
 
+pub mod arrivals;
 pub mod calibration;
 pub mod candidates;
 pub mod candidates_csv;
@@ -57,12 +58,13 @@ pub use settings::{Fit, Settings};
 pub use shot::{Outcome, Shot};
 pub use world::rig::Rig;
 
+use arrivals::Arrivals;
 use clock::Clock;
 use flight::evidence::Evidence;
 use history::History;
 use matched::Period;
 use merged::Merge;
-use motion::World;
+use motion::{World, later_ns, seconds_between};
 use path::Terms;
 use rectified::RectifiedFrame;
 use shm_layout::{Camera, StampNs};
@@ -84,8 +86,8 @@ struct Last {
     n_backward: u32,
 }
 
-/// The whole chain. Feed it both cameras' frames as they arrive; the cameras may be up to
-/// [`Settings::n_waiting_frames`] frames apart.
+/// The whole chain. Feed it both cameras' frames as they arrive; the cameras may be as far apart as
+/// [`Settings::waits`] says.
 pub struct Fusion {
     rig: Rig,
     physics: Physics,
@@ -94,11 +96,14 @@ pub struct Fusion {
     last: [Option<Last>; 2],
     merge: Merge,
     periods: [Period; 2],
+    arrivals: [Arrivals; 2],
     history: History,
     seeds: seeds::Seeds,
     tracklets: tracklets::Tracklets,
     decider: decided::Decider,
     clock: Clock,
+    /// Of both cameras' last frames.
+    clock_sigmas_ns: [Option<u32>; 2],
     watch: Watch,
     alarms: Vec<Alarm>,
     evidence: Vec<Evidence>,
@@ -120,11 +125,13 @@ impl Fusion {
             last: [None, None],
             merge: Merge::default(),
             periods: [Period::default(), Period::default()],
+            arrivals: [Arrivals::default(), Arrivals::default()],
             history: History::default(),
             seeds: seeds::Seeds::default(),
             tracklets: tracklets::Tracklets::default(),
             decider: decided::Decider::default(),
             clock: Clock::default(),
+            clock_sigmas_ns: [None; 2],
             alarms: Vec::new(),
             evidence: Vec::new(),
             now_ns: 0,
@@ -158,8 +165,8 @@ impl Fusion {
         let dropped = &mut self.dropped;
         let rectified =
             rectified::from_candidates(camera, frame, &self.rig, rectification, settings, dropped);
-        let n_waiting = settings.n_waiting_frames;
-        for frame in self.merge.update(rectified, n_waiting, &mut self.dropped) {
+        let waits = settings.waits;
+        for frame in self.merge.update(rectified, &waits, &mut self.dropped) {
             shots.extend(self.tracked(frame));
         }
         shots
@@ -179,20 +186,27 @@ impl Fusion {
         shots.extend(self.decided(None));
         self.last = [None, None];
         self.periods = [Period::default(), Period::default()];
+        self.arrivals = [Arrivals::default(), Arrivals::default()];
         self.history = History::default();
         self.seeds = seeds::Seeds::default();
         self.clock = Clock::default();
+        self.clock_sigmas_ns = [None; 2];
         shots
     }
 
     /// From a rectified frame on, in the order of time.
     fn tracked(&mut self, frame: RectifiedFrame) -> Vec<Shot> {
-        let RectifiedFrame { camera, t_ns, .. } = frame;
+        let RectifiedFrame { camera, t_ns, clock_sigma_ns, .. } = frame;
         self.now_ns = t_ns;
+        self.clock_sigmas_ns[camera.idx()] = Some(clock_sigma_ns);
+        if let [Some(left), Some(right)] = self.clock_sigmas_ns {
+            self.clock.note_stamps(t_ns, [left, right]);
+        }
         self.periods[camera.idx()].update(t_ns);
+        self.arrivals[camera.idx()].update(frame.frame_idx, t_ns);
         self.history.push(frame);
         let world =
-            World { rig: &self.rig, physics: &self.physics, clock_s: self.clock.offset_s(t_ns) };
+            World { rig: &self.rig, physics: &self.physics, clock_s: self.clock.doubted_s(t_ns) };
         let (history, dropped) = (&mut self.history, &mut self.dropped);
         self.tracklets.update(camera, history, &world);
         let [left, right] = Camera::BOTH.map(|camera| history.newest(camera));
@@ -214,11 +228,11 @@ impl Fusion {
     }
 
     fn decided(&mut self, now_ns: Option<StampNs>) -> Vec<Shot> {
-        let clock_s = self.clock.offset_s(self.now_ns);
+        let clock_s = self.clock.doubted_s(self.now_ns);
         let world = World { rig: &self.rig, physics: &self.physics, clock_s };
         let Settings { ground_sigma_m, bias_sigma_px, .. } = self.settings;
         let terms = Terms { world, ground_sigma_m, bias_sigma_px };
-        let shots = self.decider.update(
+        let mut shots = self.decider.update(
             &mut self.tracklets,
             now_ns,
             &self.history,
@@ -226,8 +240,29 @@ impl Fusion {
             (&self.rectification, self.settings.fit),
             &mut self.clock,
         );
+        for shot in &mut shots {
+            shot.frames_lost = Camera::BOTH.map(|camera| self.n_lost(camera, shot));
+        }
         self.watched();
         shots
+    }
+
+    /// Frames of a camera that should have shown a shot and never came; None if the camera had gone
+    /// before, or was never there.
+    fn n_lost(&self, camera: Camera, shot: &Shot) -> Option<u64> {
+        let [ahead_s, _] = self.clock.offset_s(self.now_ns);
+        let on_its_clock =
+            |t_ns| if camera == Camera::Left { t_ns } else { later_ns(t_ns, ahead_s) };
+        let span_ns = shot.span_ns()?.map(on_its_clock);
+        let arrivals = &self.arrivals[camera.idx()];
+        let gone_s = seconds_between(arrivals.last_ns()?, span_ns[0]);
+        let n_missing = match self.merge.is_silent(camera) {
+            true if gone_s > self.settings.waits.heard_s => return None,
+            true => arrivals.n_missing(span_ns, self.periods[camera.idx()].ns()),
+            // It may have ended with its recording.
+            false => 0,
+        };
+        Some(arrivals.n_lost(span_ns).saturating_add(n_missing))
     }
 
     /// Holds the rig against what the last shots say of it.
@@ -266,7 +301,7 @@ impl Fusion {
     /// What was left out so far.
     #[must_use]
     pub fn dropped(&self) -> Dropped {
-        self.dropped
+        Dropped { n_stamps_contradicted: self.decider.n_contradicted(), ..self.dropped }
     }
 
     /// Paths that were no shot so far.

@@ -177,6 +177,7 @@ mod tests {
     use crate::rectified::{RectifiedFrame, Sighting};
     use crate::world::camera::{RawPixel, RectifiedPixel};
     use nalgebra::Matrix2;
+    use shm_layout::stamp::OWN_CLOCK;
 
     fn spot(camera: Camera, x_px: f64, y_px: f64, size: Option<[f64; 3]>) -> Rectified {
         let covariance_px2 = Matrix2::identity() * 0.09;
@@ -192,8 +193,10 @@ mod tests {
         let physics = rig.physics();
         let world = World { rig: &rig, physics: &physics, clock_s: [0.0, clock_sigma_s] };
         let mut history = History::default();
-        history.push(RectifiedFrame { camera: Camera::Left, t_ns: 0, spots: lefts });
-        history.push(RectifiedFrame { camera: Camera::Right, t_ns: 0, spots: rights });
+        for (camera, spots) in Camera::BOTH.into_iter().zip([lefts, rights]) {
+            let (frame_idx, t_ns, clock_sigma_ns) = (0, 0, OWN_CLOCK);
+            history.push(RectifiedFrame { camera, frame_idx, t_ns, clock_sigma_ns, spots });
+        }
         let [left, right] = Camera::BOTH.map(|camera| history.newest(camera).unwrap());
         let (settings, mut dropped) = (Settings::default(), Dropped::default());
         from_frames(left, right, &rectification, &world, &settings, &mut dropped)

@@ -1,18 +1,61 @@
 //! Rectified frames of both cameras, as they arrive -> the same in the order of their stamps.
 //!
-//! A frame waits until the other camera has shown that it will send nothing earlier. So that one
-//! silent camera never stops the other, a camera that keeps more than
-//! [`Settings::n_waiting_frames`](crate::Settings) waiting is silent, and is not waited for until
-//! it sends again. What it then sends late is out of order and is dropped and counted.
+//! A frame waits until the other camera has shown that it will send nothing earlier. How long
+//! depends on what the other one has done before:
+//!
+//! - **It has been sending**: its link may be cut, and its board keeps the last ten seconds. So its
+//!   frames are waited for until those of this camera span [`Waits::heard_s`]. A shot that fell
+//!   into an outage is measured late, and as well as any other.
+//! - **It has never sent**: there may be one camera only. [`Waits::n_unheard_frames`] frames wait.
+//! - **It was waited for in vain**: it is silent, and is not waited for until it sends again; then
+//!   it is as one that has been sending. What it sends from before what was given out meanwhile is
+//!   dropped and counted.
+//!
+//! **Limit**: never more than [`MAX_WAITING`] frames of a camera wait, or `n_unheard_frames` if
+//! that is more.
 
 use crate::Dropped;
+use crate::motion::seconds_between;
 use crate::rectified::RectifiedFrame;
 use shm_layout::{Camera, StampNs};
 use std::collections::VecDeque;
 
+/// Most frames of a camera that wait for one that has been sending: 10 s at 400 Hz.
+pub const MAX_WAITING: usize = 4096;
+
+/// How long one camera is waited for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Waits {
+    /// Frames that wait for a camera that has never sent: 32 are 0.35 s at 90 Hz.
+    pub n_unheard_frames: usize,
+    /// Seconds, by the stamps of what waits, for one that has been sending: as long as its board
+    /// keeps what was not sent.
+    pub heard_s: f64,
+}
+
+impl Waits {
+    /// For boards that send what they see.
+    pub const LIVE: Self = Self { n_unheard_frames: 32, heard_s: 10.0 };
+
+    /// For two recordings, which are played independently: one may be ahead by twelve minutes at
+    /// 90 frames/s.
+    pub const RECORDED: Self = Self { n_unheard_frames: 1 << 16, heard_s: f64::INFINITY };
+
+    /// Whether what waits of one camera has waited long enough for the other.
+    fn are_over(&self, waiting: &VecDeque<RectifiedFrame>, is_heard: bool) -> bool {
+        if !is_heard {
+            return waiting.len() > self.n_unheard_frames;
+        }
+        let (Some(first), Some(last)) = (waiting.front(), waiting.back()) else { return false };
+        waiting.len() > self.n_unheard_frames.max(MAX_WAITING)
+            || seconds_between(first.t_ns, last.t_ns) > self.heard_s
+    }
+}
+
 #[derive(Default)]
 struct Side {
     waiting: VecDeque<RectifiedFrame>,
+    is_heard: bool,
     is_silent: bool,
 }
 
@@ -28,17 +71,18 @@ impl Merge {
     pub fn update(
         &mut self,
         frame: RectifiedFrame,
-        n_waiting_max: usize,
+        waits: &Waits,
         dropped: &mut Dropped,
     ) -> Vec<RectifiedFrame> {
         let (own, other) = (frame.camera.idx(), 1 - frame.camera.idx());
         self.sides[own].is_silent = false;
+        self.sides[own].is_heard = true;
         if self.now_ns.is_some_and(|now_ns| frame.t_ns < now_ns) {
             dropped.n_late_frames += 1;
             return Vec::new();
         }
         self.sides[own].waiting.push_back(frame);
-        if self.sides[own].waiting.len() > n_waiting_max {
+        if waits.are_over(&self.sides[own].waiting, self.sides[other].is_heard) {
             self.sides[other].is_silent = true;
         }
         let mut released = Vec::new();
@@ -46,6 +90,12 @@ impl Merge {
             released.push(next);
         }
         released
+    }
+
+    /// Whether a camera was waited for in vain.
+    #[must_use]
+    pub fn is_silent(&self, camera: Camera) -> bool {
+        self.sides[camera.idx()].is_silent
     }
 
     /// No more frames will come: gives out all that wait.
@@ -80,46 +130,104 @@ impl Merge {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shm_layout::stamp::OWN_CLOCK;
 
     fn frame(camera: Camera, t_ns: StampNs) -> RectifiedFrame {
-        RectifiedFrame { camera, t_ns, spots: Vec::new() }
+        let (frame_idx, clock_sigma_ns) = (0, OWN_CLOCK);
+        RectifiedFrame { camera, frame_idx, t_ns, clock_sigma_ns, spots: Vec::new() }
+    }
+
+    /// A stream, and how many of its frames came out, and in which order.
+    struct Stream {
+        merge: Merge,
+        dropped: Dropped,
+        seen: Vec<StampNs>,
+    }
+
+    impl Stream {
+        fn new() -> Self {
+            Self { merge: Merge::default(), dropped: Dropped::default(), seen: Vec::new() }
+        }
+
+        /// How many come out for a frame taken in.
+        fn take(&mut self, camera: Camera, t_ms: StampNs) -> usize {
+            let frame = frame(camera, t_ms * 1_000_000);
+            let released = self.merge.update(frame, &Waits::LIVE, &mut self.dropped);
+            self.seen.extend(released.iter().map(|frame| frame.t_ns));
+            released.len()
+        }
     }
 
     #[test]
     fn frames_come_out_in_order_however_far_one_camera_is_ahead() {
-        let (mut merge, mut dropped) = (Merge::default(), Dropped::default());
-        let mut seen = Vec::new();
-        let mut take = |frames: Vec<RectifiedFrame>| seen.extend(frames.iter().map(|f| f.t_ns));
+        let mut stream = Stream::new();
         for i in 0..20 {
-            take(merge.update(frame(Camera::Left, 10 * i), 32, &mut dropped));
+            stream.take(Camera::Left, 10 * i);
         }
         for i in 0..20 {
-            take(merge.update(frame(Camera::Right, 10 * i + 3), 32, &mut dropped));
+            stream.take(Camera::Right, 10 * i + 3);
         }
-        take(merge.finish());
-        assert_eq!(seen.len(), 40);
-        assert!(seen.is_sorted());
-        assert_eq!(dropped, Dropped::default());
+        stream.seen.extend(stream.merge.finish().iter().map(|frame| frame.t_ns));
+        assert_eq!(stream.seen.len(), 40);
+        assert!(stream.seen.is_sorted());
+        assert_eq!(stream.dropped, Dropped::default());
     }
 
     #[test]
     fn equal_stamps_do_not_wait_for_the_next_frame() {
-        let (mut merge, mut dropped) = (Merge::default(), Dropped::default());
-        merge.update(frame(Camera::Left, 0), 32, &mut dropped);
-        assert_eq!(merge.update(frame(Camera::Right, 0), 32, &mut dropped).len(), 2);
+        let mut stream = Stream::new();
+        stream.take(Camera::Left, 0);
+        assert_eq!(stream.take(Camera::Right, 0), 2);
     }
 
     #[test]
-    fn a_silent_camera_stops_nobody_and_its_late_frames_are_counted() {
-        let (mut merge, mut dropped) = (Merge::default(), Dropped::default());
+    fn one_camera_alone_waits_for_the_other_a_third_of_a_second() {
+        let mut stream = Stream::new();
         let mut n_out = 0;
         for i in 0..100 {
-            n_out += merge.update(frame(Camera::Left, i), 8, &mut dropped).len();
+            n_out += stream.take(Camera::Left, 11 * i);
+            assert_eq!(n_out, if i < 32 { 0 } else { i as usize + 1 });
         }
-        assert_eq!(n_out, 100, "after eight frames nobody waits");
-        assert!(merge.update(frame(Camera::Right, 50), 8, &mut dropped).is_empty());
-        assert_eq!(dropped.n_late_frames, 1);
-        assert!(merge.update(frame(Camera::Left, 100), 8, &mut dropped).is_empty(), "it is back");
-        assert_eq!(merge.update(frame(Camera::Right, 101), 8, &mut dropped).len(), 1);
+        assert!(stream.merge.is_silent(Camera::Right));
+        // The second board joins: from its first frame on both are in order.
+        assert_eq!(stream.take(Camera::Right, 11 * 50), 0, "what is over is over");
+        assert_eq!(stream.dropped.n_late_frames, 1);
+        assert_eq!(stream.take(Camera::Left, 11 * 100), 0, "it is waited for now");
+        assert_eq!(stream.take(Camera::Right, 11 * 101), 1);
+    }
+
+    #[test]
+    fn a_camera_that_was_sending_is_waited_for_ten_seconds_and_then_no_more() {
+        let mut stream = Stream::new();
+        stream.take(Camera::Left, 0);
+        stream.take(Camera::Right, 0);
+        for i in 1..=1001 {
+            assert_eq!(stream.take(Camera::Left, 10 * i), 0, "{i}");
+        }
+        assert_eq!(stream.take(Camera::Left, 10_020), 1002);
+        assert!(stream.merge.is_silent(Camera::Right));
+        assert_eq!(stream.take(Camera::Left, 10_030), 1, "nobody waits for what is gone");
+        // Back, with what its board has kept: the old part is late, the rest is in order.
+        for i in 100..=1010 {
+            stream.take(Camera::Right, 10 * i + 5);
+        }
+        assert_eq!(stream.dropped.n_late_frames, 903);
+        assert!(stream.seen.is_sorted());
+        assert_eq!(stream.take(Camera::Left, 10_200), 8, "what it had is given out");
+        assert_eq!(stream.take(Camera::Left, 10_210), 0, "it is waited for again");
+    }
+
+    #[test]
+    fn what_waits_is_limited_even_if_stamps_stand_nearly_still() {
+        let mut stream = Stream::new();
+        stream.take(Camera::Left, 0);
+        stream.take(Camera::Right, 0);
+        let mut merge = stream.merge;
+        let mut n_waiting = 0;
+        for t_ns in 1..=2 * MAX_WAITING as StampNs {
+            let out = merge.update(frame(Camera::Left, t_ns), &Waits::LIVE, &mut stream.dropped);
+            n_waiting = n_waiting + 1 - out.len();
+            assert!(n_waiting <= MAX_WAITING);
+        }
     }
 }

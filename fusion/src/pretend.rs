@@ -14,6 +14,7 @@ use nalgebra::{Matrix2, Matrix3, Point3, Vector3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
+use shm_layout::stamp::OWN_CLOCK;
 use shm_layout::{Camera, Candidate, StampNs};
 
 /// The rig of shared/data/blender-a: that of the thesis.
@@ -73,6 +74,7 @@ pub fn frame(frame_idx: u64, exposed_ns: StampNs, spots: Vec<Candidate>) -> Fram
         recording_id: 1,
         frame_idx,
         exposed_ns,
+        clock_sigma_ns: OWN_CLOCK,
         is_learning: false,
         n_dropped: 0,
         spots,

@@ -82,8 +82,12 @@ pub struct Rectified {
 pub struct RectifiedFrame {
     /// Whose.
     pub camera: Camera,
+    /// 0, 1, 2 … within the recording.
+    pub frame_idx: u64,
     /// Mid-exposure of the first row.
     pub t_ns: StampNs,
+    /// 1 sigma of the stamp on this machine's clock, or [`shm_layout::stamp::OWN_CLOCK`].
+    pub clock_sigma_ns: u32,
     /// The candidates, by their raw rows.
     pub spots: Vec<Rectified>,
 }
@@ -122,7 +126,8 @@ pub fn from_candidates(
         spots.push(Rectified { sighting, pixel, size });
     }
     spots.sort_by(|a, b| a.sighting.raw.y_px.total_cmp(&b.sighting.raw.y_px));
-    RectifiedFrame { camera, t_ns: frame.exposed_ns, spots }
+    let FrameCandidates { frame_idx, exposed_ns: t_ns, clock_sigma_ns, .. } = *frame;
+    RectifiedFrame { camera, frame_idx, t_ns, clock_sigma_ns, spots }
 }
 
 /// Covariance of the centre; the detector's if it is one.

@@ -1,5 +1,6 @@
 //! What may be tuned; the defaults suit the reference rig and its workers.
 
+use crate::merged::Waits;
 use crate::world::air;
 
 /// How a path is measured.
@@ -21,9 +22,8 @@ pub struct Settings {
     pub row_gate_px: f64,
     /// Least Eq 21 similarity of a pair: 0.2 is a factor of 2.2 in all sizes.
     pub similarity_min: f64,
-    /// Frames of one camera that may wait for the other. Live, 32 are 0.35 s at 90 Hz, more than
-    /// two boards differ; two recordings are played independently and may differ by more.
-    pub n_waiting_frames: usize,
+    /// How long one camera is waited for by the other.
+    pub waits: Waits,
     /// How a path is measured.
     pub fit: Fit,
     /// See [`air`].
@@ -44,7 +44,7 @@ impl Default for Settings {
             sigma_px: 0.3,
             row_gate_px: 2.5,
             similarity_min: 0.2,
-            n_waiting_frames: 32,
+            waits: Waits::LIVE,
             fit: Fit::Physics,
             air_density_kg_m3: air::DENSITY_KG_M3,
             ground_sigma_m: 2e-4,

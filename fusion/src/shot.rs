@@ -144,6 +144,20 @@ pub struct Shot {
     pub residual_px: [Option<f64>; 2],
     /// What it told of the clocks.
     pub clock: Option<ClockOffset>,
+    /// Frames of each camera, from the launch to the end of its track, that never came; None for a
+    /// camera that is not there.
+    pub frames_lost: [Option<u64>; 2],
+}
+
+impl Shot {
+    /// From its launch, or when it was first seen, to the last time it was; left clock. None if it
+    /// was never.
+    #[must_use]
+    pub fn span_ns(&self) -> Option<[StampNs; 2]> {
+        let (first, last) = (self.track.first()?, self.track.last()?);
+        let launch_ns = self.launch.as_ref().map_or(first.t_ns, |launch| launch.t_ns);
+        Some([launch_ns.min(first.t_ns), last.t_ns])
+    }
 }
 
 /// Why a path is no shot.
@@ -253,6 +267,7 @@ pub fn from_flight(flight: &Flight, rig: &Rig) -> Verdict {
         track: track_from(flight),
         residual_px: flight.residual_px(rig),
         clock: (n_cameras == 2).then_some(ClockOffset { right_minus_left_s, sigma_s }),
+        frames_lost: [None; 2],
     }))
 }
 

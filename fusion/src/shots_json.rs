@@ -87,6 +87,7 @@ struct ShotView {
     net: Option<NetView>,
     track: Vec<TrackPointView>,
     residual_px: ResidualView,
+    frames_lost: LostView,
 }
 
 #[derive(Serialize)]
@@ -139,6 +140,13 @@ struct ResidualView {
     right: Option<f64>,
 }
 
+/// `null` for a camera that is not there.
+#[derive(Serialize)]
+struct LostView {
+    left: Option<u64>,
+    right: Option<u64>,
+}
+
 impl From<&Shot> for ShotView {
     fn from(shot: &Shot) -> Self {
         let [left, right] = shot.residual_px;
@@ -149,6 +157,7 @@ impl From<&Shot> for ShotView {
             net: shot.net.map(|net| NetView { height_m: net.height_m, sigma_m: net.sigma_m }),
             track: shot.track.iter().map(TrackPointView::from).collect(),
             residual_px: ResidualView { left, right },
+            frames_lost: LostView { left: shot.frames_lost[0], right: shot.frames_lost[1] },
         }
     }
 }
@@ -224,6 +233,7 @@ mod tests {
             track: Vec::new(),
             residual_px: [None, None],
             clock: None,
+            frames_lost: [Some(3), None],
         }
     }
 
@@ -239,6 +249,7 @@ mod tests {
             "shots": [{
                 "outcome": "too few points", "launch": null, "bounce": null, "net": null,
                 "track": [], "residual_px": {"left": null, "right": null},
+                "frames_lost": {"left": 3, "right": null},
             }],
         });
         assert_eq!(value, expected);

@@ -87,7 +87,7 @@ fn a_shot_is_told_when_it_is_decided_and_not_at_the_end() {
     let (frames, truths) = pretend::seen(&[serve], 400, &POOR_SIGHT, 3);
     let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
     let told = frames.iter().find(|(camera, frame)| !fusion.update(*camera, frame).is_empty());
-    let late_s = motion::seconds_between(truths[0].bounce.t_ns, told.unwrap().1.exposed_ns);
+    let late_s = seconds_between(truths[0].bounce.t_ns, told.unwrap().1.exposed_ns);
     assert!(late_s < 0.8, "{late_s} s after the bounce");
 }
 
@@ -138,4 +138,122 @@ fn what_cannot_be_is_dropped_and_never_a_panic() {
     let dropped = fusion.dropped();
     assert!(dropped.n_not_finite == 72 && dropped.n_outside_image == 72, "{dropped:?}");
     assert!(dropped.n_backward_frames > 0);
+}
+
+/// How long both cameras' stamps are said to be off at most, and what they really are.
+fn stamped(frames: &mut pretend::Frames, sigma_ns: u32, right_ahead_ns: StampNs) {
+    pretend::set_right_clock(frames, right_ahead_ns);
+    frames.iter_mut().for_each(|(_, frame)| frame.clock_sigma_ns = sigma_ns);
+}
+
+#[test]
+fn stamps_on_one_clock_tell_what_a_shot_alone_does_not() {
+    let serve = Serve { launch_ns: 200_000_000, ..pretend::THESIS_SERVE };
+    let (frames, _) = pretend::seen(&[serve], 180, &POOR_SIGHT, 3);
+    let clock_of = |sigma_ns| {
+        let mut frames = frames.clone();
+        stamped(&mut frames, sigma_ns, 0);
+        let (fusion, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
+        assert_eq!(shots.len(), 1);
+        assert_eq!(fusion.dropped().n_stamps_contradicted, 0);
+        shots[0].clock.unwrap()
+    };
+    let (alone, known) = (clock_of(shm_layout::stamp::OWN_CLOCK), clock_of(30_000));
+    println!("alone {alone:?}, with stamps on one clock {known:?}");
+    // 30 µs of each camera are 42 of both.
+    assert!(alone.sigma_s > 60e-6 && known.sigma_s < 42.5e-6);
+    assert!(known.right_minus_left_s.abs() < alone.right_minus_left_s.abs());
+}
+
+#[test]
+fn stamps_that_are_not_as_good_as_they_say_spoil_no_shot() {
+    let at = |launch_ns| Serve { launch_ns, ..pretend::THESIS_SERVE };
+    let serves = [at(200_000_000), at(3_200_000_000)];
+    let truth = pretend::flown(&serves[0], &[]).bounce;
+    for ahead_ns in [-3_000_000, 1_500_000, 3_000_000] {
+        let (mut frames, _) = pretend::seen(&serves, 460, &POOR_SIGHT, 3);
+        stamped(&mut frames, 20_000, ahead_ns);
+        let (fusion, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
+        assert_eq!(shots.len(), 2, "{:?}", fusion.rejected());
+        for shot in &shots {
+            let off = shot.bounce.as_ref().unwrap().position_m - truth.position_m;
+            let clock = shot.clock.unwrap();
+            println!("{ahead_ns} ns: bounce {:+.3} {:+.3} m, {clock:?}", off.x, off.y);
+            assert!(off.norm() < 0.05, "{ahead_ns} ns: {off}");
+            let clock_off_s = clock.right_minus_left_s - ahead_ns as f64 * 1e-9;
+            assert!(clock_off_s.abs() < 4.0 * clock.sigma_s, "{ahead_ns} ns: {clock:?}");
+        }
+        assert_eq!(fusion.dropped().n_stamps_contradicted, 1, "the second knows better");
+    }
+}
+
+/// The right camera's frames of some time come when its link is back, all at once.
+fn cut(frames: &pretend::Frames, off_s: std::ops::Range<f64>) -> pretend::Frames {
+    let [from_ns, to_ns] = [off_s.start, off_s.end].map(|s| (s * 1e9) as StampNs);
+    let is_cut = |(camera, frame): &(Camera, FrameCandidates)| {
+        *camera == Camera::Right && (from_ns..to_ns).contains(&frame.exposed_ns)
+    };
+    let (late, mut out): (Vec<_>, Vec<_>) = frames.iter().cloned().partition(is_cut);
+    let back = out.partition_point(|(_, frame)| frame.exposed_ns < to_ns);
+    out.splice(back..back, late);
+    out
+}
+
+#[test]
+fn a_shot_that_fell_into_an_outage_of_three_seconds_is_the_same_to_the_last_bit() {
+    let at = |launch_ns| Serve { launch_ns, ..pretend::THESIS_SERVE };
+    let serves = [at(1_000_000_000), at(4_000_000_000), at(11_500_000_000)];
+    for (sigma_ns, off_s) in [(shm_layout::stamp::OWN_CLOCK, 3.5..6.5), (200_000, 2.0..11.9)] {
+        let (mut frames, _) = pretend::seen(&serves, 1300, &POOR_SIGHT, 3);
+        stamped(&mut frames, sigma_ns, 0);
+        let told = |frames| pretend::told(pretend::reference_rig(), Settings::default(), frames);
+        let (prompt_fusion, prompt) = told(&frames);
+        let (late_fusion, late) = told(&cut(&frames, off_s));
+        assert_eq!(prompt.len(), 3, "{:?}", prompt_fusion.rejected());
+        assert_eq!(late, prompt);
+        assert_eq!(late_fusion.clock(), prompt_fusion.clock());
+        assert_eq!(late_fusion.dropped(), prompt_fusion.dropped());
+        assert_eq!(late_fusion.rejected(), prompt_fusion.rejected());
+    }
+}
+
+#[test]
+fn a_shot_in_an_outage_is_told_when_the_link_is_back_and_not_without_it() {
+    let serve = Serve { launch_ns: 2_000_000_000, ..pretend::THESIS_SERVE };
+    let (frames, _) = pretend::seen(&[serve], 720, &POOR_SIGHT, 3);
+    let mut fusion = Fusion::new(pretend::reference_rig(), Settings::default());
+    let frames = cut(&frames, 1.5..4.5);
+    let told = frames.iter().position(|(camera, frame)| !fusion.update(*camera, frame).is_empty());
+    let (camera, frame) = &frames[told.unwrap()];
+    assert_eq!(*camera, Camera::Right);
+    // The burst gives all that left waits for, up to what decides the shot: 0.8 s after it.
+    let since_s = seconds_between(serve.launch_ns, frame.exposed_ns);
+    assert!((1.0..2.0).contains(&since_s), "{since_s} s");
+}
+
+/// Lost frames of each camera of the only shot, some of the right camera's frames having been lost.
+fn lost_of(n_frames: usize, is_lost: impl Fn(u64) -> bool) -> [Option<u64>; 2] {
+    let serve = Serve { launch_ns: 1_000_000_000, ..pretend::THESIS_SERVE };
+    let (mut frames, _) = pretend::seen(&[serve], n_frames, &POOR_SIGHT, 3);
+    frames.retain(|(camera, frame)| *camera == Camera::Left || !is_lost(frame.frame_idx));
+    let (fusion, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
+    assert_eq!(shots.len(), 1, "{:?}", fusion.rejected());
+    shots[0].frames_lost
+}
+
+#[test]
+fn a_shot_says_how_many_frames_of_each_camera_never_came() {
+    assert_eq!(lost_of(280, |_| false), [Some(0), Some(0)]);
+    assert_eq!(lost_of(280, |idx| (120..128).contains(&idx) || idx == 140), [Some(0), Some(9)]);
+    assert_eq!(lost_of(280, |idx| idx < 60 && idx > 50), [Some(0), Some(0)], "before the launch");
+    assert_eq!(lost_of(280, |_| true), [Some(0), None], "no such camera");
+    // Died half a second after the launch; the bounce is a second and a bit after it.
+    let [_, died] = lost_of(1300, |idx| idx >= 135);
+    assert!((40..90).contains(&died.unwrap()), "{died:?}");
+    // Died ten seconds before it.
+    let serve = Serve { launch_ns: 11_000_000_000, ..pretend::THESIS_SERVE };
+    let (mut frames, _) = pretend::seen(&[serve], 1300, &POOR_SIGHT, 3);
+    frames.retain(|(camera, frame)| *camera == Camera::Left || frame.frame_idx < 20);
+    let (_, shots) = pretend::told(pretend::reference_rig(), Settings::default(), &frames);
+    assert_eq!(shots[0].frames_lost, [Some(0), None]);
 }

@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use fusion::{FrameCandidates, Fusion, Settings, Shot};
 use shm_layout::Camera;
+use shm_layout::stamp::OWN_CLOCK;
 
 use super::clocks::Clocks;
 use crate::scenario::Scenario;
@@ -101,6 +102,7 @@ pub fn empty_frame(frame_idx: u64, exposed_ns: i64) -> FrameCandidates {
         recording_id: 1,
         frame_idx,
         exposed_ns,
+        clock_sigma_ns: OWN_CLOCK,
         is_learning: false,
         n_dropped: 0,
         spots: Vec::new(),

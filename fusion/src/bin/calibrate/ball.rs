@@ -4,6 +4,7 @@ use crate::files::{Outputs, rig_from};
 use anyhow::{Context as _, ensure};
 use fusion::calibration::report::{self, CameraReport, PairReport, Refused, Report};
 use fusion::calibration::{ball, consequence};
+use fusion::merged::Waits;
 use fusion::{Settings, candidates_csv};
 use shm_layout::Camera;
 use std::fs::File;
@@ -41,7 +42,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let recordings =
         args.recordings.iter().map(|folder| recording_in(folder)).collect::<Result<Vec<_>, _>>()?;
     let prior = if args.alone { ball::alone(&rig) } else { ball::prior_of(&rig) };
-    let settings = Settings { n_waiting_frames: 1 << 16, ..Settings::default() };
+    let settings = Settings { waits: Waits::RECORDED, ..Settings::default() };
     let refined = ball::refined(&rig, &prior, &recordings, &settings)?;
     ensure!(
         refined.has_settled,
