@@ -17,38 +17,6 @@ use shm_layout::Camera;
 use shm_layout::services::Place;
 use zenoh::key_expr::OwnedKeyExpr;
 
-/// What a board sends without being asked, each with its own numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stream {
-    /// What is known of every frame.
-    FramesInfo,
-    /// What the workers found.
-    Candidates,
-}
-
-/// How many streams a board has.
-pub const N_STREAMS: usize = 2;
-
-impl Stream {
-    /// Both, infos first.
-    pub const ALL: [Self; N_STREAMS] = [Self::FramesInfo, Self::Candidates];
-
-    /// 0 or 1, the place in [`Stream::ALL`].
-    #[must_use]
-    pub const fn idx(self) -> usize {
-        self as usize
-    }
-
-    /// The last part of its key.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::FramesInfo => "frames-info",
-            Self::Candidates => "candidates",
-        }
-    }
-}
-
 /// A key of a board: `what` is its last part, or parts.
 ///
 /// # Errors

@@ -5,9 +5,10 @@
 //! for it drops, and the far end asks for it again. Pings are answered where they arrive; questions
 //! for what is missing have a thread of their own, for their answers may wait for the network.
 
-use crate::keys::{self, Stream};
+use crate::keys;
 use crate::presence::Presence;
 use crate::ring::Ring;
+use crate::wire::Stream;
 use crate::wire::batch::{Batch, MAX_MESSAGES, Message, bytes_from_batch};
 use crate::wire::clock::{Ping, Pong};
 use crate::wire::missing::Missing;

@@ -3,7 +3,7 @@
 //! 10 s of a board with eight workers are 8000 batches of some 300 bytes; [`MAX_RING_BYTES`] holds
 //! them with 64 candidates in every strip of half the frames.
 
-use crate::keys::{N_STREAMS, Stream};
+use crate::wire::{N_STREAMS, Stream};
 use shm_layout::StampNs;
 use std::collections::VecDeque;
 use zenoh::bytes::ZBytes;

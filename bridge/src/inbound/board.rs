@@ -2,10 +2,10 @@
 
 use crate::clock::{Clock, Estimate, Exchange};
 use crate::gaps::{Counts, Order};
-use crate::keys::{N_STREAMS, Stream};
 use crate::wire::batch::{Batch, Message};
 use crate::wire::clock::Pong;
 use crate::wire::missing::Missing;
+use crate::wire::{N_STREAMS, Stream};
 use shm_layout::stamp::OWN_CLOCK;
 use shm_layout::{Camera, Link, StampNs};
 

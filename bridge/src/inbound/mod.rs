@@ -6,8 +6,9 @@
 
 mod board;
 
-use crate::keys::{self, Stream};
+use crate::keys;
 use crate::presence::Presence;
+use crate::wire::Stream;
 use crate::wire::batch::{Batch, Message, batch_from_bytes};
 use crate::wire::clock::{Ping, Pong};
 use crate::wire::missing::Missing;

@@ -1,7 +1,6 @@
 //! Ping and pong ↔ bytes: what the time is on the board, and how far its batches have come.
 
-use super::{Refusal, bytes_from, from_bytes};
-use crate::keys::N_STREAMS;
+use super::{N_STREAMS, Refusal, bytes_from, from_bytes};
 use bincode::{Decode, Encode};
 use shm_layout::StampNs;
 

@@ -1,7 +1,6 @@
 //! Which batches are asked for again ↔ bytes. The answer is those batches as they were.
 
-use super::{Refusal, bytes_from, from_bytes};
-use crate::keys::{N_STREAMS, Stream};
+use super::{N_STREAMS, Refusal, Stream, bytes_from, from_bytes};
 use bincode::{Decode, Encode};
 
 /// Most batches that may be asked for at once: 0.5 s of a board with eight workers.

@@ -23,6 +23,38 @@ use bincode::{Decode, Encode};
 /// end says that it is there, and stands before every payload.
 pub const VERSION: u16 = 4;
 
+/// What a board sends without being asked, each with its own numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stream {
+    /// What is known of every frame.
+    FramesInfo,
+    /// What the workers found.
+    Candidates,
+}
+
+/// How many streams a board has.
+pub const N_STREAMS: usize = 2;
+
+impl Stream {
+    /// Both, infos first.
+    pub const ALL: [Self; N_STREAMS] = [Self::FramesInfo, Self::Candidates];
+
+    /// 0 or 1, the place in [`Stream::ALL`].
+    #[must_use]
+    pub const fn idx(self) -> usize {
+        self as usize
+    }
+
+    /// The last part of its key.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::FramesInfo => "frames-info",
+            Self::Candidates => "candidates",
+        }
+    }
+}
+
 /// Why bytes are not a message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
