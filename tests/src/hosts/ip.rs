@@ -1,4 +1,4 @@
-//! Words → what the `ip` and `tc` commands did about them.
+//! Words → what `ip` and other commands of the system did about them.
 
 use super::Error;
 use std::path::{Path, PathBuf};

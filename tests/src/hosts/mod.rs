@@ -212,8 +212,9 @@ impl Hosts {
         match &self.joint {
             Some(Joint::Air(air)) => air.set_cut(idx, is_cut),
             Some(Joint::Bridge { namespace, .. }) => {
-                let state = if is_cut { 0 } else { 3 }; // disabled, forwarding
-                ip(&format!("-n {namespace} link set port{idx} type bridge_slave state {state}"))?;
+                // A port's state would do, but the kernel sets it anew when its device changes.
+                let master = if is_cut { "nomaster" } else { "master bridge" };
+                ip(&format!("-n {namespace} link set port{idx} {master}"))?;
             }
             None => {}
         }
