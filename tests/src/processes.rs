@@ -128,10 +128,7 @@ impl Household {
         until: Until,
         stdout: Stdio,
     ) -> Result<&mut Child, Error> {
-        let path = self.binaries.join(binary);
-        if !path.is_file() {
-            return Err(Error::NotBuilt { path });
-        }
+        let path = self.binary(binary)?;
         let child = host
             .map_or_else(|| Command::new(&path), |host| host.command(&path))
             .args(arguments)
@@ -145,6 +142,15 @@ impl Household {
         self.residents.push(Resident { name, child, until, is_done: false });
         let last = self.residents.len() - 1;
         Ok(&mut self.residents[last].child)
+    }
+
+    /// Where a binary stands.
+    ///
+    /// # Errors
+    /// When it is not built.
+    pub fn binary(&self, binary: &str) -> Result<PathBuf, Error> {
+        let path = self.binaries.join(binary);
+        if path.is_file() { Ok(path) } else { Err(Error::NotBuilt { path }) }
     }
 
     /// Names and process numbers of those still running.

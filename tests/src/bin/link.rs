@@ -53,9 +53,12 @@ struct Flags {
     /// How long the boards play; 8 s more than the cut lasts at least.
     #[arg(long, default_value_t = 20.0)]
     seconds: f64,
-    /// Keys of the bridges: DIR/left, DIR/right and DIR/fusion.
-    #[arg(long, value_name = "DIR")]
-    keys: Option<PathBuf>,
+    /// With --loopback: TLS as between machines.
+    #[arg(long, requires = "loopback")]
+    tls: bool,
+    /// Boards are not told where fusion is.
+    #[arg(long, conflicts_with = "loopback")]
+    discovery: bool,
     /// Same seed, same weather.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -105,6 +108,7 @@ fn options_of(flags: &Flags) -> anyhow::Result<Options> {
     };
     let least =
         cut.as_ref().map_or(Duration::ZERO, |cut| cut.after + cut.lasts + Duration::from_secs(8));
-    let (play, keys) = (s(flags.seconds)?.max(least), flags.keys.clone());
-    Ok(Options { network, play, cut, keys, seed: flags.seed })
+    let play = s(flags.seconds)?.max(least);
+    let Flags { tls, discovery, seed, .. } = *flags;
+    Ok(Options { network, play, cut, tls, discovery, seed })
 }

@@ -1,11 +1,13 @@
-//! Hosts and the real bridges on them.
+//! Hosts and the real bridges on them, paired as an operator would.
 
 use super::{Error, Options};
 use crate::hosts::{self, Hosts, Plan, clock_ahead_ns};
 use crate::processes::{Household, Until, free_endpoint};
 use shm_layout::Camera;
 use std::collections::BTreeMap;
-use std::process::Stdio;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
 
 /// Boards with clocks of their own, hours apart, so that an untranslated stamp is noticed.
 const HOSTS: [Plan; 3] = [
@@ -16,13 +18,35 @@ const HOSTS: [Plan; 3] = [
 /// Where the bridge beside fusion listens.
 const PORT: u16 = 7447;
 
+/// Keys of all three places, each in a folder of its name.
+fn keys_of(court: &str, bridge: &Path) -> Result<TempDir, Error> {
+    let refused = |why: &dyn std::fmt::Display| Error::Keys(why.to_string());
+    let keys = tempfile::tempdir().map_err(|why| refused(&why))?;
+    let path = |name: &str| keys.path().join(name).to_string_lossy().into_owned();
+    let pair = |words: &[&str]| {
+        let output = Command::new(bridge).arg("pair").args(words).output();
+        let output = output.map_err(|why| refused(&why))?;
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.success() { Ok(()) } else { Err(refused(&words.trim())) }
+    };
+    let fusion = path("fusion");
+    pair(&["court", court, "--keys", &fusion])?;
+    for camera in Camera::BOTH {
+        let (folder, file) = (path(camera.name()), path(&format!("{camera}.pair")));
+        pair(&["board", court, camera.name(), "--keys", &fusion, "--out", &file])?;
+        pair(&["take", &file, "--keys", &folder])?;
+    }
+    Ok(keys)
+}
+
 /// Hosts and bridges. On loopback there are no hosts.
 #[derive(Debug)]
 pub struct Arrangement {
     house: Household,
     hosts: Option<Hosts>,
-    endpoint: String,
-    flags: BTreeMap<&'static str, Vec<String>>,
+    /// Where the bridges meet; `None`: they find each other.
+    endpoint: Option<String>,
+    keys: Option<TempDir>,
 }
 
 /// Memory of each process that is really there (VmRSS), as it was at some moments.
@@ -54,19 +78,16 @@ impl Arrangement {
             }
             None => None,
         };
+        let house = Household::new(court)?;
+        let has_keys = hosts.is_some() || options.tls;
+        let keys = has_keys.then(|| keys_of(court, &house.binary("bridge")?)).transpose()?;
         let endpoint = match &hosts {
-            Some(hosts) => format!("tcp/{}:{PORT}", hosts.host("fusion")?.address),
+            Some(hosts) => format!("tls/{}:{PORT}", hosts.host("fusion")?.address),
+            None if options.tls => free_endpoint()?.replacen("tcp/", "tls/", 1),
             None => free_endpoint()?,
         };
-        let flags_of = |place: &'static str| {
-            let keys = options.keys.iter();
-            let flags = keys.flat_map(|keys| {
-                ["--keys".to_owned(), keys.join(place).to_string_lossy().into_owned()]
-            });
-            (place, flags.collect())
-        };
-        let flags = ["left", "right", "fusion"].map(flags_of).into();
-        Ok(Self { house: Household::new(court)?, hosts, endpoint, flags })
+        let endpoint = (!options.discovery).then_some(endpoint);
+        Ok(Self { house, hosts, endpoint, keys })
     }
 
     /// Starts the bridges, fusion's first.
@@ -74,18 +95,22 @@ impl Arrangement {
     /// # Errors
     /// When one cannot be started.
     pub fn start_bridges(&mut self) -> Result<(), Error> {
-        let endpoint = self.endpoint.clone();
-        self.start("fusion", &["fusion", "--listen", &endpoint])?;
+        self.start("fusion", &["fusion"], "--listen")?;
         for camera in Camera::BOTH {
-            let name = camera.name();
-            self.start(name, &["board", "--camera", name, "--connect", &endpoint])?;
+            self.start(camera.name(), &["board", "--camera", camera.name()], "--connect")?;
         }
         Ok(())
     }
 
-    fn start(&mut self, place: &'static str, arguments: &[&str]) -> Result<(), Error> {
-        let mut arguments: Vec<String> = arguments.iter().map(ToString::to_string).collect();
-        arguments.extend(self.flags[place].iter().cloned());
+    fn start(&mut self, place: &str, what: &[&str], meets: &str) -> Result<(), Error> {
+        let mut arguments: Vec<String> = what.iter().map(ToString::to_string).collect();
+        if let Some(endpoint) = &self.endpoint {
+            arguments.extend([meets.to_owned(), endpoint.clone()]);
+        }
+        if let Some(keys) = &self.keys {
+            let folder = keys.path().join(place).to_string_lossy().into_owned();
+            arguments.extend(["--keys".to_owned(), folder]);
+        }
         let host = self.hosts.as_ref().map(|hosts| hosts.host(place)).transpose()?;
         let (name, until) = (format!("bridge {place}"), Until::Stopped);
         self.house.start_on(host, &name, "bridge", &arguments, until, Stdio::null())?;
@@ -111,9 +136,7 @@ impl Arrangement {
             let name = format!("bridge {place}");
             let running = self.house.running().into_iter().find(|(other, _)| *other == name);
             let pid = running.map_or(0, |(_, pid)| pid);
-            clock_ahead_ns(pid).map_err(|why| {
-                Error::NoHosts(format!("the clock of {name} cannot be looked at: {why}"))
-            })
+            clock_ahead_ns(pid).map_err(|why| Error::Clock(name, why))
         };
         let fusion_ns = ahead_ns("fusion")?;
         Ok([ahead_ns("left")? - fusion_ns, ahead_ns("right")? - fusion_ns])

@@ -170,7 +170,7 @@ fn write_strips(
 }
 
 /// What a worker would find: the ball if it is in the strip, and up to three other spots.
-fn strip_of(info: &FrameInfo, strip_idx: u32, rng: &mut ChaCha8Rng) -> StripCandidates {
+pub(super) fn strip_of(info: &FrameInfo, strip_idx: u32, rng: &mut ChaCha8Rng) -> StripCandidates {
     let mut strip = StripCandidates {
         recording_id: info.recording_id,
         frame_idx: info.frame_idx,

@@ -35,13 +35,14 @@ use report::Report;
 use shm_layout::stamp::now_ns;
 use shm_layout::stop::Stop;
 use shm_layout::{Camera, StampNs};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often the play looks whether something is to be done.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
+/// Longest the bridges may take to meet.
+const MEET_WITHIN: Duration = Duration::from_secs(30);
 /// After the last frame, how long messages may still be on their way.
 const LAST_WITHIN: Duration = Duration::from_secs(3);
 /// Latencies and clocks count from here on: connections and clocks have settled.
@@ -62,9 +63,18 @@ pub enum Error {
     /// This machine has no hosts.
     #[error("no hosts can be made here: {0}; --loopback needs none")]
     NoHosts(String),
+    /// Somebody does not hear the other.
+    #[error("bridges did not meet within {} s", MEET_WITHIN.as_secs())]
+    NotMet,
     /// A socket of our own.
     #[error("bare socket: {0}")]
     Socket(std::io::Error),
+    /// The bridges' keys.
+    #[error("cannot make keys: {0}")]
+    Keys(String),
+    /// A bridge's clock.
+    #[error("the clock of {0} cannot be looked at: {1}")]
+    Clock(String, std::io::Error),
     /// A thread of ours panicked, which only a bug can do.
     #[error("a thread of the measurement is gone")]
     ThreadGone,
@@ -79,8 +89,10 @@ pub struct Options {
     pub play: Duration,
     /// Which link is cut, from when on and for how long.
     pub cut: Option<Cut>,
-    /// Keys for the bridges, for each place `DIR/<left|right|fusion>`.
-    pub keys: Option<PathBuf>,
+    /// Whether loopback has TLS too; hosts always do.
+    pub tls: bool,
+    /// Whether boards find fusion by themselves instead of being told its address.
+    pub discovery: bool,
     /// The weather's.
     pub seed: u64,
 }
@@ -153,10 +165,12 @@ fn play(
         let ahead_ns = arrangement.clock_ahead_ns(camera.name())?;
         boards.push(Board::start(court, camera, ahead_ns, Arc::clone(&is_over))?);
     }
-    while !boards.iter().all(Board::is_playing) {
+    let started = Instant::now();
+    while !boards.iter().all(Board::is_playing) && !stop.is_raised() {
         arrangement.look()?;
-        if stop.is_raised() {
-            break;
+        if started.elapsed() > MEET_WITHIN {
+            is_over.store(true, Ordering::Relaxed);
+            return Err(Error::NotMet);
         }
         std::thread::sleep(LOOK_EVERY);
     }
