@@ -4,6 +4,7 @@
 //! not is an error with its name and how it ended. Dropping a household stops it all the same, so
 //! neither an early return nor a panic leaves anybody behind.
 
+use crate::hosts::Host;
 use shm_layout::Camera;
 use shm_layout::services::{self, Domain, Place};
 use shm_layout::stop::Stop;
@@ -111,11 +112,25 @@ impl Household {
         until: Until,
         stdout: Stdio,
     ) -> Result<&mut Child, Error> {
-        let path = self.binaries.join(binary);
-        if !path.is_file() {
-            return Err(Error::NotBuilt { path });
-        }
-        let child = Command::new(&path)
+        self.start_on(None, name, binary, arguments, until, stdout)
+    }
+
+    /// The same on a host of a network of tests; on this machine itself if it is `None`.
+    ///
+    /// # Errors
+    /// When it is not built or cannot be started.
+    pub fn start_on<S: AsRef<OsStr>>(
+        &mut self,
+        host: Option<&Host>,
+        name: &str,
+        binary: &str,
+        arguments: &[S],
+        until: Until,
+        stdout: Stdio,
+    ) -> Result<&mut Child, Error> {
+        let path = self.binary(binary)?;
+        let child = host
+            .map_or_else(|| Command::new(&path), |host| host.command(&path))
             .args(arguments)
             .args(["--court", &self.court, "--with-parent"])
             .stdin(Stdio::null())
@@ -127,6 +142,15 @@ impl Household {
         self.residents.push(Resident { name, child, until, is_done: false });
         let last = self.residents.len() - 1;
         Ok(&mut self.residents[last].child)
+    }
+
+    /// Where a binary stands.
+    ///
+    /// # Errors
+    /// When it is not built.
+    pub fn binary(&self, binary: &str) -> Result<PathBuf, Error> {
+        let path = self.binaries.join(binary);
+        if path.is_file() { Ok(path) } else { Err(Error::NotBuilt { path }) }
     }
 
     /// Names and process numbers of those still running.
