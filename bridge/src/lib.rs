@@ -4,15 +4,24 @@
 //! ends open, [`outbound`] the board's end (shared memory → network), [`inbound`] the end beside
 //! fusion (network → shared memory), [`gaps`] the count of what did not arrive.
 //!
+//! Who may join: [`pairing`] makes keys, [`access`] says who may say what with them, [`discovery`] finds
+//! fusion, [`refusal`] and
+//! [`once`] tell of those who may not; [`router`] joins many courts and [`follow`] listens to them.
+//!
 //! Deliberately absent: what a message means. Stamps pass unchanged: until boards and fusion have a
 //! common clock, `exposed_ns` is on the camera's own.
 #![forbid(unsafe_code)]
 
 pub mod access;
+pub mod discovery;
+pub mod follow;
 pub mod gaps;
 pub mod inbound;
+pub mod once;
 pub mod outbound;
 pub mod pairing;
+pub mod refusal;
+pub mod router;
 pub mod session;
 pub mod wire;
 
@@ -33,6 +42,9 @@ pub enum Error {
     /// An address cannot be used.
     #[error("{0}: {1}")]
     Endpoint(String, String),
+    /// What is read on stdout has no reader.
+    #[error("stdout: {0}")]
+    Stdout(std::io::Error),
     /// The network cannot be had; `what` says which step.
     #[error("network: cannot {what}: {why}")]
     Network {

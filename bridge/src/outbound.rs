@@ -37,9 +37,13 @@ pub struct Sent {
 /// # Errors
 /// When shared memory or the network cannot be had.
 pub fn run(options: &Options, camera: Camera, stop: &Stop) -> Result<Sent, Error> {
-    let court = &options.court;
+    let court = options.court.as_str();
     let domain = Domain::new(court, Place::Board(camera))?;
-    let session = session::open(options)?;
+    let mut options = options.clone();
+    if !session::discover(&mut options, stop)? {
+        return Ok(Sent::default());
+    }
+    let session = session::open(&options)?;
     let publisher = session
         .declare_publisher(session::candidates_key(court, camera)?)
         .congestion_control(CongestionControl::Block)
