@@ -7,19 +7,27 @@
 //! fusion [`gaps`] brings batches into order, [`clock`] knows the board's time, and [`inbound`] is
 //! all of it (network → shared memory).
 //!
+//! Who may join: [`discovery`] finds fusion in the network, [`refusal`] and [`once`] tell of those
+//! who may not; [`router`] joins many courts and [`follow`] listens to them.
+//!
 //! Deliberately absent: what a message means. Stamps are translated, for in shared memory they are
 //! on the clock of the machine they are read on.
 #![forbid(unsafe_code)]
 
 pub mod access;
 pub mod clock;
+pub mod discovery;
+pub mod follow;
 pub mod gaps;
 pub mod inbound;
 pub mod keys;
+pub mod once;
 pub mod outbound;
 pub mod pairing;
 pub mod presence;
+pub mod refusal;
 pub mod ring;
+pub mod router;
 pub mod session;
 pub mod wire;
 
@@ -40,6 +48,9 @@ pub enum Error {
     /// An address cannot be used.
     #[error("{0}: {1}")]
     Endpoint(String, String),
+    /// What is read on stdout has no reader.
+    #[error("stdout: {0}")]
+    Stdout(std::io::Error),
     /// The network cannot be had; `what` says which step.
     #[error("network: cannot {what}: {why}")]
     Network {

@@ -2,7 +2,7 @@
 
 use bridge::pairing::command::Pair;
 use bridge::session::{Options, Role};
-use bridge::{inbound, outbound, session};
+use bridge::{follow, inbound, once, outbound, router, session};
 use clap::{Parser, Subcommand};
 use shm_layout::Camera;
 use shm_layout::stop::Stop;
@@ -54,20 +54,43 @@ enum End {
         #[arg(long, value_name = "DIR")]
         keys: Option<PathBuf>,
     },
+    /// Prints shots as JSON lines: {"court":...,"shot":...}.
+    Follow {
+        /// One court; without it all that can be heard, which needs --connect.
+        #[arg(long)]
+        court: Option<String>,
+        /// Where fusion or a router listens, as tls/10.0.0.1:7447.
+        #[arg(long, value_name = "ENDPOINT")]
+        connect: Vec<String>,
+        /// Folder of the keys [default: ~/.config/tennis/<court>, if there].
+        #[arg(long, value_name = "DIR")]
+        keys: Option<PathBuf>,
+        /// Courts whose fusions are connected to directly, for an --all-courts key.
+        #[arg(long, value_delimiter = ',')]
+        courts: Vec<String>,
+    },
+    /// Joins many courts: boards, fusions and dashboards connect to it.
+    Router {
+        /// Name of the club, under which its keys are kept.
+        #[arg(long, default_value = "club")]
+        club: String,
+        /// Courts it joins; with keys no others.
+        #[arg(long, value_delimiter = ',')]
+        courts: Vec<String>,
+        /// Where it listens [default: tls/0.0.0.0:7447 with keys, this machine alone without].
+        #[arg(long, value_name = "ENDPOINT")]
+        listen: Vec<String>,
+        /// Folder of the keys [default: ~/.config/tennis/<club>, if there].
+        #[arg(long, value_name = "DIR")]
+        keys: Option<PathBuf>,
+    },
     /// Makes the keys with which a court's machines know each other.
     #[command(subcommand)]
     Pair(Pair),
 }
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::builder()
-                .with_default_directive(tracing::level_filters::LevelFilter::ERROR.into())
-                .from_env_lossy(),
-        )
-        .with_writer(std::io::stderr)
-        .init();
+    once::init();
     let flags = Flags::parse();
     Stop::run(format_args!("bridge {}", place(&flags.end)), flags.with_parent, |stop| {
         run(&flags, stop)
@@ -78,6 +101,8 @@ fn place(end: &End) -> &'static str {
     match end {
         End::Board { camera, .. } => camera.name(),
         End::Fusion { .. } => "fusion",
+        End::Follow { .. } => "follow",
+        End::Router { .. } => "router",
         End::Pair(_) => "pair",
     }
 }
@@ -86,15 +111,29 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     match &flags.end {
         End::Board { court, camera, connect, keys } => {
             let (connect, keys) = (connect.clone(), keys.clone());
-            let options = Options { connect, keys, ..Options::new(court, Role::Board(*camera)) };
-            let sent = outbound::run(&session::open(&options)?, court, *camera, stop)?;
-            tracing::info!(?sent, "bridge {camera} stopped");
+            let role = Role::Board(*camera);
+            let mut options = Options { connect, keys, ..Options::new(court, role) };
+            if session::discover(&mut options, stop)? {
+                let sent = outbound::run(&session::open(&options)?, court, *camera, stop)?;
+                tracing::info!(?sent, "bridge {camera} stopped");
+            }
         }
         End::Fusion { court, listen, connect, keys } => {
             let (listen, connect, keys) = (listen.clone(), connect.clone(), keys.clone());
             let options = Options { listen, connect, keys, ..Options::new(court, Role::Fusion) };
             let received = inbound::run(&session::open(&options)?, court, stop)?;
             tracing::info!(?received, "bridge fusion stopped");
+        }
+        End::Follow { court, connect, keys, courts } => {
+            let (connect, keys, courts) = (connect.clone(), keys.clone(), courts.clone());
+            let name = court.as_deref().unwrap_or("club");
+            let options = Options { connect, keys, courts, ..Options::new(name, Role::Dashboard) };
+            follow::run(&options, court.as_deref(), stop)?;
+        }
+        End::Router { club, courts, listen, keys } => {
+            let (courts, listen, keys) = (courts.clone(), listen.clone(), keys.clone());
+            let options = Options { courts, listen, keys, ..Options::new(club, Role::Router) };
+            router::run(&options, stop)?;
         }
         End::Pair(pair) => eprintln!("{}", pair.run()?),
     }

@@ -10,10 +10,11 @@
 //! handshake after the network is, at the latest.
 
 use crate::pairing::Keys;
-use crate::{Error, access, network, pairing};
+use crate::{Error, access, discovery, network, pairing};
 use serde_json::{Value, json};
 use shm_layout::Camera;
-use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
+use shm_layout::stop::Stop;
+use std::net::IpAddr;
 use std::path::PathBuf;
 use zenoh::{Config, Session, Wait};
 
@@ -77,6 +78,8 @@ pub struct Options {
     pub listen: Vec<String>,
     /// Where it connects. Empty: found by multicast with keys, [`DEFAULT_ENDPOINT`] without.
     pub connect: Vec<String>,
+    /// Where [`discover`] found fusion.
+    pub found: Option<String>,
     /// Folder of the keys; `None` is [`pairing::default_folder`], if it has this role's keys.
     pub keys: Option<PathBuf>,
     /// Courts a router joins or a dashboard hears besides `court`.
@@ -92,10 +95,24 @@ impl Options {
             role,
             listen: Vec::new(),
             connect: Vec::new(),
+            found: None,
             keys: None,
             courts: Vec::new(),
         }
     }
+}
+
+/// Looks for fusion where it must be found, and waits until it is; false when stopped before. A
+/// session opened without this finds it as well, but takes up to eight seconds after an outage.
+///
+/// # Errors
+/// When keys are not fit or there is no network.
+pub fn discover(options: &mut Options, stop: &Stop) -> Result<bool, Error> {
+    if !Plan::from_options(options)?.is_seeker() {
+        return Ok(true);
+    }
+    options.found = discovery::endpoint(options, stop)?;
+    Ok(options.found.is_some())
 }
 
 /// Opens a session.
@@ -121,18 +138,6 @@ pub fn open(options: &Options) -> Result<Session, Error> {
         format!("listen at {:?}", plan.listen)
     };
     zenoh::open(config).wait().map_err(network(what))
-}
-
-/// The group and port where a court's members look for each other: of their own, so that courts
-/// in one network do not meet. From 239.0.0.0/8, which stays within a site (RFC 2365).
-#[must_use]
-pub fn scouting_address(court: &str) -> SocketAddrV4 {
-    // FNV-1a: the same on every machine and in every release.
-    let hash = court.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    });
-    let [a, b, c, d, ..] = hash.to_le_bytes();
-    SocketAddrV4::new(Ipv4Addr::new(239, 1 + a % 250, b, 1 + c % 250), 17_400 + u16::from(d))
 }
 
 /// Options with every default filled in, and checked.
@@ -184,7 +189,7 @@ impl<'a> Plan<'a> {
         let mut settings = vec![
             ("mode", json!(mode)),
             ("listen/endpoints", json!(self.listen_endpoints())),
-            ("connect/endpoints", json!(self.connect)),
+            ("connect/endpoints", json!(self.connect_endpoints())),
             ("connect/timeout_ms", json!(-1)),
             ("connect/exit_on_failure", json!(false)),
             (
@@ -213,6 +218,15 @@ impl<'a> Plan<'a> {
         Ok(settings)
     }
 
+    /// Whether it must find who to connect to.
+    fn is_seeker(&self) -> bool {
+        self.keys.is_some() && self.connect.is_empty() && !self.options.role.is_listener()
+    }
+
+    fn connect_endpoints(&self) -> Vec<&String> {
+        self.connect.iter().chain(&self.options.found).collect()
+    }
+
     /// With the time a stranger may hold a place while it says nothing.
     fn listen_endpoints(&self) -> Vec<String> {
         let with_timeout = |endpoint: &String| match endpoint.starts_with("tls/") {
@@ -224,16 +238,16 @@ impl<'a> Plan<'a> {
 
     fn scouting(&self) -> Vec<(&'static str, Value)> {
         let is_listener = self.options.role == Role::Fusion;
-        let is_seeker = self.connect.is_empty() && !self.options.role.is_listener();
+        let is_seeker = self.is_seeker();
         let found = if is_seeker { json!(["peer", "router"]) } else { json!([]) };
         vec![
             (
                 "scouting/multicast/enabled",
-                json!(self.keys.is_some() && (is_listener || is_seeker)),
+                json!(is_seeker || (is_listener && self.keys.is_some())),
             ),
             (
                 "scouting/multicast/address",
-                json!(scouting_address(&self.options.court).to_string()),
+                json!(discovery::group_from_court(&self.options.court).to_string()),
             ),
             ("scouting/multicast/listen", json!(is_listener)),
             ("scouting/multicast/autoconnect", found),
