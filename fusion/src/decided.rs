@@ -9,6 +9,7 @@
 //! ([`Clock::doubted_s`]), then, if the shot does not contradict it, with it as stated.
 
 use crate::clock::Clock;
+use crate::explain::trace::JudgementNote;
 use crate::flight::Flight;
 use crate::flight::evidence::Evidence;
 use crate::history::History;
@@ -21,7 +22,7 @@ use crate::tracklets::{SILENCE_S, Tracklet, Tracklets};
 use crate::world::ball::State;
 use crate::world::rectification::Rectification;
 use crate::{Fit, Rejected};
-use shm_layout::StampNs;
+use shm_layout::{Camera, StampNs};
 
 /// Part of a path's sightings that an earlier shot may have had: rolling balls cross.
 const SHARED_MAX: f64 = 0.3;
@@ -38,7 +39,7 @@ const ELSEWHERE_M: f64 = 5.0;
 
 /// What the sightings of a path must be worth, all frames counted that should have shown the ball:
 /// chance makes one in 10^13.
-const WORTH_MIN: f64 = 30.0;
+pub const WORTH_MIN: f64 = 30.0;
 
 /// Judges tracklets, each once.
 #[derive(Default)]
@@ -49,6 +50,8 @@ pub struct Decider {
     evidence: Vec<Evidence>,
     rejected: Rejected,
     n_contradicted: u64,
+    /// What was said in the last call.
+    judgements: Vec<JudgementNote>,
 }
 
 impl Decider {
@@ -70,6 +73,12 @@ impl Decider {
         &self.evidence
     }
 
+    /// What was said of tracklets in the last call.
+    #[must_use]
+    pub fn judgements(&self) -> &[JudgementNote] {
+        &self.judgements
+    }
+
     /// Takes out what has ended; gives out what is decided. Without a time all is.
     pub fn update(
         &mut self,
@@ -82,21 +91,25 @@ impl Decider {
     ) -> Vec<Shot> {
         let mut shots = Vec::new();
         self.evidence.clear();
+        self.judgements.clear();
         for tracklet in &mut tracklets.all {
             let is_over = now_ns.is_none_or(|now_ns| tracklet.is_due(now_ns));
             if tracklet.is_told || !(is_over || tracklet.has_bounced()) {
                 continue;
             }
-            let verdict = match self.judged(tracklet, now_ns, history, terms, setup, clock) {
-                Judgement::Now(verdict) => verdict,
+            let (verdict, path) = match self.judged(tracklet, now_ns, history, terms, setup, clock)
+            {
+                Judgement::Now(verdict, path) => (verdict, path),
                 Judgement::After(due_ns) => {
                     tracklet.postpone(due_ns);
                     continue;
                 }
             };
             tracklet.is_told = true;
+            self.judgements.push(note_of(tracklet, history, &verdict, path.as_ref()));
             match verdict {
                 Verdict::Shot(shot) => {
+                    self.remember(&shot, path);
                     if let Some(offset) = shot.clock {
                         self.learn(clock, tracklet.motion.t_ns, offset);
                     }
@@ -105,13 +118,20 @@ impl Decider {
                 Verdict::Rejected(rejection) => self.rejected.count(rejection),
             }
         }
-        let is_over = |tracklet: &Tracklet, ns| tracklet.is_told && tracklet.has_ended(ns);
-        tracklets.all.retain(|tracklet| now_ns.is_some_and(|ns| !is_over(tracklet, ns)));
+        tracklets.take_out_ended(now_ns);
         shots
     }
 
+    /// Keeps what later paths are held against, and what the shot says of the rig.
+    fn remember(&mut self, shot: &Shot, path: Option<Path>) {
+        let Some(Path { sightings, evidence, .. }) = path else { return };
+        self.told = sightings;
+        let is_whole = matches!(shot.outcome, Outcome::Measured | Outcome::NoBounceSeen);
+        self.evidence.extend(evidence.filter(|_| is_whole).map(|evidence| *evidence));
+    }
+
     fn judged(
-        &mut self,
+        &self,
         tracklet: &Tracklet,
         now_ns: Option<StampNs>,
         history: &History,
@@ -119,21 +139,21 @@ impl Decider {
         setup: (&Rectification, Fit),
         clock: &Clock,
     ) -> Judgement {
-        let rejected = |rejection| Judgement::Now(Verdict::Rejected(rejection));
+        let rejected = |rejection, path| Judgement::Now(Verdict::Rejected(rejection), path);
         if self.shares_too_much(tracklet.sightings(history)) {
-            return rejected(Rejection::SameBall);
+            return rejected(Rejection::SameBall, None);
         }
         if is_from_elsewhere(tracklet, &terms.world) {
-            return rejected(Rejection::NotFromLauncher);
+            return rejected(Rejection::NotFromLauncher, None);
         }
         let Some(path) = path::along(tracklet, history, terms) else {
-            return rejected(Rejection::TooShort);
+            return rejected(Rejection::TooShort, None);
         };
         if self.shares_too_much(path.sightings.iter()) {
-            return rejected(Rejection::SameBall);
+            return rejected(Rejection::SameBall, Some(path));
         }
         if path.worth.is_nan() || path.worth < WORTH_MIN {
-            return rejected(Rejection::Unlikely);
+            return rejected(Rejection::Unlikely, Some(path));
         }
         let due_ns = down_ns(&path).filter(|_| !path.has_bounce && !tracklet.has_bounced());
         if let (Some(due_ns), Some(now_ns)) = (due_ns, now_ns)
@@ -143,12 +163,7 @@ impl Decider {
         }
         let first = (verdict_of(&path, terms, setup), path);
         let (verdict, path) = with_clock(first, tracklet, history, terms, setup, clock);
-        if let Verdict::Shot(shot) = &verdict {
-            self.told = path.sightings;
-            let is_whole = matches!(shot.outcome, Outcome::Measured | Outcome::NoBounceSeen);
-            self.evidence.extend(path.evidence.filter(|_| is_whole).map(|evidence| *evidence));
-        }
-        Judgement::Now(verdict)
+        Judgement::Now(verdict, Some(path))
     }
 
     /// Takes in what a shot says of the clocks.
@@ -174,10 +189,38 @@ impl Decider {
 }
 
 /// What is said of a tracklet that might be decided.
+#[expect(clippy::large_enum_variant, reason = "one at a time, on the stack")]
 enum Judgement {
-    Now(Verdict),
+    /// And its path, if there is one.
+    Now(Verdict, Option<Path>),
     /// Its ball is still in the air, maybe out of sight; when it will have come down.
     After(StampNs),
+}
+
+/// What is noted of what was said.
+fn note_of(
+    tracklet: &Tracklet,
+    history: &History,
+    verdict: &Verdict,
+    path: Option<&Path>,
+) -> JudgementNote {
+    let seen: Vec<&Sighting> = match path {
+        Some(path) => path.sightings.iter().collect(),
+        None => tracklet.sightings(history).collect(),
+    };
+    let n_of = |camera| seen.iter().filter(|sighting| sighting.camera == camera).count();
+    let times_ns = || seen.iter().map(|sighting| sighting.t_ns);
+    let last_ns = tracklet.motion.t_ns;
+    JudgementNote {
+        tracklet_id: tracklet.id,
+        span_ns: [times_ns().min().unwrap_or(last_ns), times_ns().max().unwrap_or(last_ns)],
+        n_sightings: Camera::BOTH.map(n_of),
+        worth: path.map(|path| path.worth),
+        said: match verdict {
+            Verdict::Shot(shot) => Ok(shot.outcome),
+            Verdict::Rejected(rejection) => Err(*rejection),
+        },
+    }
 }
 
 /// What a path is.

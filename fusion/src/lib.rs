@@ -8,7 +8,7 @@
 //! [`launch`] and [`shot`], [`decided`], and how they leave, [`shots_json`] and [`message`].
 //! [`clock`] carries what shots say of the cameras' clocks, [`watch`] what they say of the rig that
 //! [`calibration`] has made; [`quadratic`] is the thesis' way to
-//! measure. [`Fusion`] is all of it. [`mod@reference`] is what a ball machine's settings should
+//! measure. [`Fusion`] is all of it, [`explain`] says why it lost a ball. [`mod@reference`] is what a ball machine's settings should
 //! have given, and how a shot differs.
 //!
 //! Deliberately absent: IO, a clock of its own, and `Result` in the pipeline. What cannot be used
@@ -25,6 +25,7 @@ pub mod clock;
 pub mod counts;
 pub mod decided;
 mod error;
+pub mod explain;
 pub mod flight;
 pub mod history;
 pub mod intake;
@@ -60,6 +61,7 @@ pub use world::rig::Rig;
 
 use arrivals::Arrivals;
 use clock::Clock;
+use explain::trace::{InstantNote, Trace};
 use flight::evidence::Evidence;
 use history::History;
 use matched::Period;
@@ -109,6 +111,8 @@ pub struct Fusion {
     evidence: Vec<Evidence>,
     now_ns: StampNs,
     dropped: Dropped,
+    /// Only if somebody will ask.
+    trace: Option<Box<Trace>>,
 }
 
 impl Fusion {
@@ -136,7 +140,20 @@ impl Fusion {
             evidence: Vec::new(),
             now_ns: 0,
             dropped: Dropped::default(),
+            trace: None,
         }
+    }
+
+    /// The same, and it keeps what [`explain`] tells of.
+    #[must_use]
+    pub fn traced(rig: Rig, settings: Settings) -> Self {
+        Self { trace: Some(Box::default()), ..Self::new(rig, settings) }
+    }
+
+    /// What happened so far, if that is kept.
+    #[must_use]
+    pub fn trace(&self) -> Option<&Trace> {
+        self.trace.as_deref()
     }
 
     /// Takes one frame in; gives out the shots that are decided by it.
@@ -145,6 +162,16 @@ impl Fusion {
     /// [`Fusion::finish`] does; so does a clock that was set back for good.
     pub fn update(&mut self, camera: Camera, frame: &FrameCandidates) -> Vec<Shot> {
         self.evidence.clear();
+        let before = self.dropped;
+        let shots = self.taken(camera, frame);
+        if let Some(trace) = &mut self.trace {
+            trace.note_frame(camera, frame, [&before, &self.dropped]);
+            trace.note_shots(&shots);
+        }
+        shots
+    }
+
+    fn taken(&mut self, camera: Camera, frame: &FrameCandidates) -> Vec<Shot> {
         let mut shots = Vec::new();
         if let Some(last) = &mut self.last[camera.idx()] {
             let is_new = last.recording_id != frame.recording_id;
@@ -175,7 +202,11 @@ impl Fusion {
     /// The recording is over: decides what is left, and is ready for another one.
     pub fn finish(&mut self) -> Vec<Shot> {
         self.evidence.clear();
-        self.finished()
+        let shots = self.finished();
+        if let Some(trace) = &mut self.trace {
+            trace.note_shots(&shots);
+        }
+        shots
     }
 
     fn finished(&mut self) -> Vec<Shot> {
@@ -209,6 +240,8 @@ impl Fusion {
             World { rig: &self.rig, physics: &self.physics, clock_s: self.clock.doubted_s(t_ns) };
         let (history, dropped) = (&mut self.history, &mut self.dropped);
         self.tracklets.update(camera, history, &world);
+        let mut note = InstantNote::of_frame(camera, t_ns);
+        let n_outside_court = dropped.n_points_outside_court;
         let [left, right] = Camera::BOTH.map(|camera| history.newest(camera));
         if let (Some(left), Some(right)) = (left, right)
             && matched::is_same_instant(left, right, self.periods[0].ns().max(self.periods[1].ns()))
@@ -217,12 +250,20 @@ impl Fusion {
             let pairs =
                 matched::from_frames(left, right, rectification, &world, &self.settings, dropped);
             let points = points::from_matched(&pairs, t_ns, rectification, &world, dropped);
+            note.pairs_and_points = Some([pairs.len() as u64, points.points.len() as u64]);
+            note.n_outside_court = dropped.n_points_outside_court - n_outside_court;
             let seeds = self.seeds.update(points, history, &world, dropped);
+            note.tried = self.seeds.tried();
             self.tracklets.sow(&seeds, history, &world, dropped);
         }
         if history.is_alone(camera) {
-            let seeds = lone::seeds_from(camera, history, &self.rectification, &world, dropped);
+            let (seeds, tried) =
+                lone::seeds_from(camera, history, &self.rectification, &world, dropped);
+            note.tried_alone = Some(tried);
             self.tracklets.sow(&seeds, history, &world, dropped);
+        }
+        if let Some(trace) = &mut self.trace {
+            trace.note_instant(note);
         }
         self.decided(Some(t_ns))
     }
@@ -240,6 +281,10 @@ impl Fusion {
             (&self.rectification, self.settings.fit),
             &mut self.clock,
         );
+        let ended = std::mem::take(&mut self.tracklets.ended);
+        if let Some(trace) = &mut self.trace {
+            trace.note_ends(ended, self.decider.judgements());
+        }
         for shot in &mut shots {
             shot.frames_lost = Camera::BOTH.map(|camera| self.n_lost(camera, shot));
         }

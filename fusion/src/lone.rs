@@ -28,7 +28,7 @@
 use crate::Dropped;
 use crate::history::{History, Kept, SpotId};
 use crate::motion::{World, later_ns, seconds_between};
-use crate::seeds::{Curve, Seed};
+use crate::seeds::{Curve, Refusal, Seed, Tried};
 use crate::world::court;
 use crate::world::rectification::Rectification;
 use nalgebra::{Point3, Vector3};
@@ -55,7 +55,7 @@ const MAX_TRIED: usize = 1 << 13;
 const MAX_PAIRS: usize = 512;
 
 /// What a seed must be worth, and its hits besides the two spots: no second camera agrees.
-const WORTH_MIN: f64 = 22.0;
+pub const WORTH_MIN: f64 = 22.0;
 const N_HITS_MIN: usize = 6;
 
 /// A spot, and the ray on which its ball is.
@@ -66,44 +66,45 @@ struct Ray {
     sigma_px: f64,
 }
 
-/// Hypotheses that one camera's newest frame confirms, best first.
+/// Hypotheses that one camera's newest frame confirms, best first, and how many there were.
 pub fn seeds_from(
     camera: Camera,
     history: &History,
     rectification: &Rectification,
     world: &World,
     dropped: &mut Dropped,
-) -> Vec<Seed> {
+) -> (Vec<Seed>, Tried) {
+    let mut tried = Tried::default();
     let launcher = world.rig.court_from_left().and(world.rig.launcher_in_court_m());
     let (Some(launcher_m), Some(newest)) = (launcher, history.newest(camera)) else {
-        return Vec::new();
+        return (Vec::new(), tried);
     };
     let eye_m = Point3::from(world.rig.tracking_from(camera).translation.vector);
     let [from_ns, to_ns] = [APART_S.end(), APART_S.start()].map(|s| later_ns(newest.t_ns, -s));
     let seconds = rays_of(newest, rectification, world);
-    let (mut n_tried, mut n_pairs) = (0, 0);
+    let mut n_looked_at = 0;
     let mut found = Vec::new();
     for kept in history.since(camera, from_ns).take_while(|kept| kept.t_ns <= to_ns) {
         for first in rays_of(kept, rectification, world) {
             for second in &seconds {
-                n_tried += 1;
-                if n_tried > MAX_TRIED {
-                    dropped.n_pairs_beyond_max += 1;
+                n_looked_at += 1;
+                if n_looked_at > MAX_TRIED {
+                    tried.n_beyond_max += 1;
                     continue;
                 }
                 let pair = [&first, second];
                 let Some(flight) = flight_of(pair, eye_m, launcher_m, world) else { continue };
-                n_pairs += 1;
-                if n_pairs > MAX_PAIRS {
-                    dropped.n_pairs_beyond_max += 1;
+                if tried.n >= MAX_PAIRS as u64 {
+                    tried.n_beyond_max += 1;
                     continue;
                 }
-                found.extend(seed_of(pair, &flight, history, world));
+                found.extend(seed_of(pair, &flight, history, world, &mut tried));
             }
         }
     }
+    dropped.n_pairs_beyond_max += tried.n_beyond_max;
     found.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-    found
+    (found, tried)
 }
 
 /// The rays of a frame's free spots.
@@ -175,14 +176,18 @@ fn seed_of(
     flight: &FromLauncher,
     history: &History,
     world: &World,
+    tried: &mut Tried,
 ) -> Option<Seed> {
     let places = [(first.t_ns, flight.places_m[0]), (second.t_ns, flight.places_m[1])];
     let sigma_px = first.sigma_px.max(second.sigma_px);
     let curve = Curve::through(places, vec![first.id, second.id], sigma_px, world);
     let camera = first.id.camera;
     let support = curve.support(&[camera], history, world);
-    let is_seed = support.worth >= WORTH_MIN && support.n_hits[camera.idx()] >= N_HITS_MIN;
-    is_seed.then(|| curve.seed_with(support, Some(flight.flown_s)))
+    let has = |all: bool, refusal| (!all).then_some(refusal);
+    let refusal = has(support.worth >= WORTH_MIN, Refusal::Unlikely)
+        .or(has(support.n_hits[camera.idx()] >= N_HITS_MIN, Refusal::FewHits));
+    tried.count(support.worth, refusal);
+    refusal.is_none().then(|| curve.seed_with(support, Some(flight.flown_s)))
 }
 
 #[cfg(test)]

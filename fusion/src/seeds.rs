@@ -46,7 +46,7 @@ const SPEED_M_S: std::ops::RangeInclusive<f64> = 6.0..=60.0;
 pub const DETECTED: f64 = 0.6;
 
 /// What a seed must be worth. With 5000 hypotheses a second chance passes once in an hour.
-const WORTH_MIN: f64 = 16.0;
+pub const WORTH_MIN: f64 = 16.0;
 
 /// What each camera must say for it by itself.
 const WORTH_EACH_MIN: f64 = 4.0;
@@ -82,13 +82,63 @@ pub struct Seed {
     pub worth: f64,
 }
 
+/// Why a hypothesis is no seed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// All its hits are worth too little.
+    Unlikely,
+    /// One of the cameras says too little for it.
+    OneCamera,
+    /// It has too few hits.
+    FewHits,
+}
+
+/// The hypotheses of a frame, and what became of them.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tried {
+    /// All that were tried.
+    pub n: u64,
+    /// Those that are seeds.
+    pub n_found: u64,
+    /// [`Refusal::Unlikely`].
+    pub n_unlikely: u64,
+    /// [`Refusal::OneCamera`].
+    pub n_one_camera: u64,
+    /// [`Refusal::FewHits`].
+    pub n_few_hits: u64,
+    /// Those that were too many to be tried.
+    pub n_beyond_max: u64,
+    /// What the best one was worth.
+    pub best_worth: Option<f64>,
+}
+
+impl Tried {
+    pub(crate) fn count(&mut self, worth: f64, refusal: Option<Refusal>) {
+        self.n += 1;
+        *match refusal {
+            None => &mut self.n_found,
+            Some(Refusal::Unlikely) => &mut self.n_unlikely,
+            Some(Refusal::OneCamera) => &mut self.n_one_camera,
+            Some(Refusal::FewHits) => &mut self.n_few_hits,
+        } += 1;
+        self.best_worth = Some(self.best_worth.map_or(worth, |best| best.max(worth)));
+    }
+}
+
 /// Keeps the points of the last frames.
 #[derive(Default)]
 pub struct Seeds {
     instants: VecDeque<PointFrame>,
+    tried: Tried,
 }
 
 impl Seeds {
+    /// What became of the last frame's hypotheses.
+    #[must_use]
+    pub fn tried(&self) -> Tried {
+        self.tried
+    }
+
     /// Takes the points of a frame in; gives out the hypotheses they confirm, best first.
     pub fn update(
         &mut self,
@@ -109,7 +159,7 @@ impl Seeds {
             .iter()
             .flat_map(|old| &old.points)
             .flat_map(|first| frame.points.iter().map(move |second| (first, second)));
-        let mut n_pairs = 0;
+        let mut tried = Tried::default();
         for (first, second) in pairs {
             let dt_s = seconds_between(first.t_ns, second.t_ns);
             let distance_m = (second.position_m - first.position_m).norm();
@@ -119,13 +169,14 @@ impl Seeds {
             {
                 continue;
             }
-            n_pairs += 1;
-            if n_pairs > MAX_PAIRS {
-                dropped.n_pairs_beyond_max += 1;
+            if tried.n >= MAX_PAIRS as u64 {
+                tried.n_beyond_max += 1;
                 continue;
             }
-            found.extend(Curve::new(first, second, world).seed(history, world));
+            found.extend(Curve::new(first, second, world).seed(history, world, &mut tried));
         }
+        dropped.n_pairs_beyond_max += tried.n_beyond_max;
+        self.tried = tried;
         let n_beyond = frame.points.len().saturating_sub(MAX_POINTS);
         dropped.n_points_beyond_max += n_beyond as u64;
         let points = frame.points.into_iter().take(MAX_POINTS).collect();
@@ -193,13 +244,17 @@ impl Curve {
             + self.acceleration_m_s2 * (0.5 * since_s * since_s)
     }
 
-    fn seed(self, history: &History, world: &World) -> Option<Seed> {
+    fn seed(self, history: &History, world: &World, tried: &mut Tried) -> Option<Seed> {
         let support = self.support(&Camera::BOTH, history, world);
-        let is_seed = support.worth >= WORTH_MIN
-            && support.worth_each.iter().all(|&worth| worth >= WORTH_EACH_MIN)
-            && support.n_hits.iter().all(|&n| n >= N_EACH_MIN)
-            && support.n_hits.iter().sum::<usize>() >= N_HITS_MIN;
-        is_seed.then(|| self.seed_with(support, None))
+        let has = |all: bool, refusal| (!all).then_some(refusal);
+        let each = support.worth_each.iter().all(|&worth| worth >= WORTH_EACH_MIN)
+            && support.n_hits.iter().all(|&n| n >= N_EACH_MIN);
+        let n_hits = support.n_hits.iter().sum::<usize>();
+        let refusal = has(support.worth >= WORTH_MIN, Refusal::Unlikely)
+            .or(has(each, Refusal::OneCamera))
+            .or(has(n_hits >= N_HITS_MIN, Refusal::FewHits));
+        tried.count(support.worth, refusal);
+        refusal.is_none().then(|| self.seed_with(support, None))
     }
 
     /// The seed it is, if that is support enough.

@@ -15,7 +15,7 @@ use shm_layout::Camera;
 use shm_layout::stop::Stop;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use table::Table;
+use table::{Asked, Table};
 
 /// Measures shots from the candidates of two cameras.
 ///
@@ -59,6 +59,16 @@ struct Flags {
     /// Measure on with the rig as it now seems to stand when a camera was found to have turned.
     #[arg(long)]
     refine_rig: bool,
+    /// Say why a ball was lost, stage by stage, on stdout in the end; no shots are written there.
+    #[arg(long)]
+    explain: bool,
+    /// Explain from half a second before this time to two seconds after it, in seconds since the
+    /// first frame.
+    #[arg(long, value_name = "S", requires = "explain")]
+    explain_at_s: Option<f64>,
+    /// Explain this shot, counted from 1.
+    #[arg(long, value_name = "N", requires = "explain", conflicts_with = "explain_at_s")]
+    explain_shot: Option<u64>,
     /// End when the process that started this one has ended.
     #[arg(long)]
     with_parent: bool,
@@ -88,6 +98,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         rig.is_some() || flags.json.is_none(),
         "--json needs --rig: without it no shot is measured"
     );
+    ensure!(rig.is_some() || !flags.explain, "--explain needs --rig: without it nothing is lost");
     let is_one_camera =
         flags.recorded.len() == 1 || flags.left_csv.is_some() != flags.right_csv.is_some();
     if let Some(rig) = rig.as_ref().filter(|_| is_one_camera) {
@@ -116,13 +127,22 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     if !flags.recorded.is_empty() {
         settings.waits = Waits::RECORDED;
     }
-    let fusion = rig.clone().map(|rig| Fusion::new(rig, settings));
-    let table = Table { rig, fusion, outputs };
+    let fusion = rig.clone().map(|rig| match flags.explain {
+        true => Fusion::traced(rig, settings),
+        false => Fusion::new(rig, settings),
+    });
+    let table = Table { rig, fusion, outputs, asked: asked(flags) };
     if flags.left_csv.is_some() || flags.right_csv.is_some() {
         files::run(flags, table)
     } else {
         boards::run(flags, table, stop)
     }
+}
+
+/// What is to be explained.
+fn asked(flags: &Flags) -> Option<Asked> {
+    let window = flags.explain_at_s.map(Asked::AtS).or(flags.explain_shot.map(Asked::Shot));
+    flags.explain.then_some(window.unwrap_or(Asked::Whole))
 }
 
 /// What to expect if only one camera is there.

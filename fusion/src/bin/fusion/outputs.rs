@@ -48,7 +48,7 @@ impl Outputs {
         }
         Ok(Self {
             json: flags.json.clone(),
-            is_live: flags.json.is_none() && flags.candidates.is_none(),
+            is_live: flags.json.is_none() && flags.candidates.is_none() && !flags.explain,
             refines_rig: flags.refine_rig,
             shots: Vec::new(),
             n_shots: 0,

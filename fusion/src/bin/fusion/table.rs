@@ -1,16 +1,30 @@
 //! Frames, wherever they come from -> what is written of them.
 
 use crate::outputs::Outputs;
-use anyhow::ensure;
+use anyhow::{Context as _, ensure};
+use fusion::explain::{self, Window};
 use fusion::intake::FrameCounts;
 use fusion::{FrameCandidates, Fusion, Rig};
 use shm_layout::{Camera, FrameInfo};
+use std::io::Write as _;
+
+/// What is to be explained in the end.
+#[derive(Debug, Clone, Copy)]
+pub enum Asked {
+    /// All of the run.
+    Whole,
+    /// What happened around a time, in seconds since the first frame.
+    AtS(f64),
+    /// A shot, counted from 1.
+    Shot(u64),
+}
 
 /// Where frames are laid on, wherever they come from.
 pub struct Table {
     pub rig: Option<Rig>,
     pub fusion: Option<Fusion>,
     pub outputs: Outputs,
+    pub asked: Option<Asked>,
 }
 
 impl Table {
@@ -37,7 +51,29 @@ impl Table {
             let (dropped, rejected) = (fusion.dropped(), fusion.rejected());
             tracing::info!(?dropped, ?rejected, "fusion ends");
         }
-        self.outputs.finish(frames)
+        let explained = self.asked.map(|asked| self.explained(asked)).transpose()?;
+        self.outputs.finish(frames)?;
+        if let Some(text) = explained {
+            write!(std::io::stdout(), "{text}").context("stdout")?;
+        }
+        Ok(())
+    }
+
+    fn explained(&self, asked: Asked) -> anyhow::Result<String> {
+        let fusion = self.fusion.as_ref().context("nothing is explained without --rig")?;
+        let trace = fusion.trace().context("nothing was noted")?;
+        let window = match asked {
+            Asked::Whole => Window::whole(trace),
+            Asked::AtS(at_s) => Window::at_s(trace, at_s),
+            Asked::Shot(number) => {
+                let n_told = trace.n_shots_forgotten + trace.shots.len() as u64;
+                let window = Window::of_shot(trace, number);
+                ensure!(window.is_some(), "--explain-shot {number}: {n_told} shots were told");
+                window
+            }
+        };
+        let window = window.context("--explain: no frame came")?;
+        Ok(explain::explained(trace, &window, fusion.rig()).text)
     }
 
     pub fn check_size(&self, camera: Camera, info: &FrameInfo) -> anyhow::Result<()> {
