@@ -8,7 +8,7 @@
 //! all of it (network → shared memory).
 //!
 //! Who may join: [`discovery`] finds fusion in the network, [`refusal`] and [`once`] tell of those
-//! who may not; [`router`] joins many courts and [`follow`] listens to them.
+//! who may not, [`one_thread`] keeps TLS sound; [`router`] joins many courts and [`follow`] listens to them.
 //!
 //! Deliberately absent: what a message means. Stamps are translated, for in shared memory they are
 //! on the clock of the machine they are read on.
@@ -22,6 +22,7 @@ pub mod gaps;
 pub mod inbound;
 pub mod keys;
 pub mod once;
+pub mod one_thread;
 pub mod outbound;
 pub mod pairing;
 pub mod presence;

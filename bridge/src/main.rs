@@ -2,7 +2,7 @@
 
 use bridge::pairing::command::Pair;
 use bridge::session::{Options, Role};
-use bridge::{follow, inbound, once, outbound, router, session};
+use bridge::{follow, inbound, once, one_thread, outbound, router, session};
 use clap::{Parser, Subcommand};
 use shm_layout::Camera;
 use shm_layout::stop::Stop;
@@ -90,8 +90,12 @@ enum End {
 }
 
 fn main() -> ExitCode {
-    once::init();
     let flags = Flags::parse();
+    if let Err(why) = one_thread::ensure() {
+        eprintln!("bridge: cannot start anew: {why}");
+        return ExitCode::FAILURE;
+    }
+    once::init();
     Stop::run(format_args!("bridge {}", place(&flags.end)), flags.with_parent, |stop| {
         run(&flags, stop)
     })

@@ -101,6 +101,7 @@ pub mod hosts;
 pub mod processes;
 
 pub mod chain;
+pub mod club;
 
 pub mod link;
 
