@@ -16,10 +16,10 @@
 //! a [`contact_sheet`] shows it.
 //!
 //! [`player`] plays a scenario into shared memory, [`processes`] and [`chain`] start the real
-//! binaries, on [`hosts`] of a network that is as bad as asked; [`link`] measures what gets through.
-//! A person says where the ball is in a clip: [`labels`], kept on disk by a [`label_file`], made on
-//! the page that [`labelling`] serves to itself alone ([`sender`]). [`evaluation`] and [`overlay`]
-//! say and show how well balls are found there.
+//! binaries, on [`hosts`] of a network that is as bad as asked; [`link`] measures what gets
+//! through. A person says where the ball is in a clip: [`labels`], kept on disk by a
+//! [`label_file`], made on the page that [`labelling`] serves to itself alone ([`sender`]).
+//! [`evaluation`] and [`overlay`] say and show how well balls are found there.
 //!
 //! [`accuracy`] says how well `fusion` measures shots, from candidates and from pixels; [`courts`]
 //! how well rigs are calibrated from a court's lines; [`bumped`] how soon `fusion` notices that a

@@ -1,10 +1,11 @@
 //! Hosts of one network, on one machine: each a network namespace with an address of its own and,
 //! if asked, a clock of its own; between them a network that is as bad as asked.
 //!
-//! Read in this order: [`ip`] runs commands, [`host`] is one host, [`weather`] decides what becomes of a frame,
-//! [`air`] is the network in user space. Three things can join the hosts ([`Joint`]): a bridge of
-//! the kernel, the same with `tc netem` on every host's way out, or, where the kernel has no netem,
-//! the air between TAP devices. Needs root; [`available`] says why not.
+//! Read in this order: [`mod@ip`] runs commands, [`host`] is one host, [`weather`] decides what
+//! becomes of a frame, [`air`] is the network in user space. Three things can join the hosts
+//! ([`Network`]): a bridge of the kernel, the same with `tc netem` on every host's way out, or,
+//! where the kernel has no netem, the air between TAP devices. Needs root; [`available`] says why
+//! not.
 //!
 //! A host's clock: `unshare -T` gives a process CLOCK_BOOTTIME and CLOCK_MONOTONIC plus a number of
 //! whole seconds, exactly, at the same rate ([`clock_ahead_ns`] reads it back from the process).

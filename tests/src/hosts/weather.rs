@@ -8,6 +8,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::fmt;
 use std::time::Duration;
 
 /// How bad a host's way out is.
@@ -65,6 +66,19 @@ impl Weather {
             words.extend(["rate".to_owned(), format!("{rate_bit_s}bit")]);
         }
         words
+    }
+}
+
+impl fmt::Display for Weather {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?} ± {:?}, {:.1} % lost", self.delay, self.jitter, self.loss * 100.0)?;
+        if self.overtaking {
+            write!(f, ", overtaking")?;
+        }
+        match self.rate_bit_s {
+            Some(rate_bit_s) => write!(f, ", {} Mbit/s", rate_bit_s as f64 / 1e6),
+            None => Ok(()),
+        }
     }
 }
 

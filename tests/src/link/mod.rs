@@ -7,7 +7,8 @@
 //! error of the [`clock`]; a [`bare`] socket is measured beside them; a [`report`] prints it all.
 //!
 //! Everything of ours runs in one process on this machine's clock, so what was sent and what
-//! arrived are compared without any doubt, and a host's clock is ahead by a known number of seconds.
+//! arrived are compared without any doubt, and a host's clock is ahead by a known number of
+//! seconds.
 
 // In the order of the chain; the blank lines keep rustfmt from sorting them.
 pub mod arrangement;

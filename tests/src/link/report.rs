@@ -7,6 +7,7 @@ use super::completeness::Completeness;
 use super::heard::Heard;
 use super::latency::Latency;
 use super::{Options, Times};
+use crate::hosts::Network;
 use serde::Serialize;
 use shm_layout::{Camera, Link};
 use std::fmt;
@@ -32,7 +33,7 @@ pub struct Report {
     /// What the bridges met over.
     pub joined_by: &'static str,
     /// The weather, in words.
-    pub network: String,
+    pub network: Option<String>,
     /// How long boards played.
     pub play_s: f64,
     /// How long the link was cut, if it was.
@@ -78,10 +79,13 @@ impl Report {
         let frames = arrangement.counts().into_iter().map(|(host, counts)| {
             (host, [counts.n_sent, counts.n_lost, counts.n_overflowed, counts.n_cut])
         });
-        let network = options.network.map(|network| format!("{network:?}"));
+        let network = options.network.and_then(|network| match network {
+            Network::Clean => None,
+            Network::Weather(weather) | Network::Air(weather) => Some(weather.to_string()),
+        });
         Self {
             joined_by: arrangement.joined_by(),
-            network: network.unwrap_or_default(),
+            network,
             play_s: options.play.as_secs_f64(),
             cut_s: options.cut.as_ref().map(|cut| cut.lasts.as_secs_f64()),
             boards: boards.collect(),
@@ -100,7 +104,10 @@ fn last_link(camera: Camera, heard: &Heard) -> Option<&Link> {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "over {}, {} s {}", self.joined_by, self.play_s, self.network)?;
+        writeln!(f, "over {}, {} s", self.joined_by, self.play_s)?;
+        if let Some(network) = &self.network {
+            writeln!(f, "each host's way out: {network}")?;
+        }
         writeln!(f, "\n| from candidates to fusion | n | p50 | p90 | p99 | max |")?;
         writeln!(f, "|---|--:|--:|--:|--:|--:|")?;
         write_latency(f, "through the bridges", &self.latency)?;
