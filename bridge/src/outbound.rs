@@ -197,7 +197,9 @@ fn answer_all(questions: &Receiver<Query>, archive: &Archive) {
         let payload = query.payload().map(ZBytes::to_bytes).unwrap_or_default();
         match Missing::from_bytes(&payload) {
             Ok(asked) => {
-                for bytes in archive.had(&asked) {
+                let had = archive.had(&asked);
+                tracing::debug!(?asked, n_had = had.len(), "answering");
+                for bytes in had {
                     // Who asked asks again for what does not arrive.
                     if query.reply(query.key_expr().clone(), bytes).wait().is_err() {
                         break;

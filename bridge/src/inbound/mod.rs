@@ -178,6 +178,7 @@ impl Inbound<'_> {
                 self.sides[camera.idx()].board.take_pong(&pong, returned_ns)
             }
             News::Answered(camera, stream) => {
+                tracing::debug!("the {camera} board has answered for {}", stream.name());
                 self.sides[camera.idx()].board.note_answered(stream);
                 return Ok(());
             }
@@ -279,6 +280,7 @@ impl<'a> Side<'a> {
 
     fn question(&self, asked: Missing, inbox: &Inbox) -> Result<(), Error> {
         let Some(stream) = asked.stream() else { return Ok(()) };
+        tracing::debug!(?asked, "the {} board is asked", self.camera);
         let camera = self.camera;
         // Dropped with the callback, when the answer is over.
         let answer = Answer { inbox: inbox.clone(), camera, stream };
