@@ -72,7 +72,6 @@ impl Drop for Single {
 }
 
 struct Court {
-    name: String,
     house: Household,
     listener: Listener,
     boards: Vec<Board>,
@@ -199,7 +198,7 @@ impl Court {
             bridge(&["board", "--camera", camera.name()])?;
             boards.push(Board::start(name, camera, 0, Arc::clone(is_over))?);
         }
-        Ok(Self { name: name.to_owned(), house, listener, boards, shots, _member: member })
+        Ok(Self { house, listener, boards, shots, _member: member })
     }
 
     fn cpu_s(&self) -> f64 {
@@ -215,7 +214,6 @@ impl Court {
         let [latency, _] = Latency::from_heard(&sent, &heard, &times);
         drop((self.shots, self._member));
         self.house.stop()?;
-        tracing::info!(court = self.name, n_sent, "court finished");
         Ok(CourtReport { n_strips: [n_sent, heard.strips.len()], latency, cores })
     }
 }

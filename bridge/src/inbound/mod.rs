@@ -26,6 +26,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::qos::{CongestionControl, Priority};
+use zenoh::query::ConsolidationMode;
 use zenoh::sample::Sample;
 use zenoh::{Session, Wait};
 
@@ -288,6 +289,8 @@ impl<'a> Side<'a> {
             .get(keys::of_board(&self.court, camera, "missing")?)
             .payload(asked.to_bytes())
             .priority(Priority::InteractiveHigh)
+            // All answers have one key: otherwise the last alone would be passed on.
+            .consolidation(ConsolidationMode::None)
             .timeout(ANSWER_WITHIN)
             .callback(move |reply| {
                 if let Ok(sample) = reply.result() {
