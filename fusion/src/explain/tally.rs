@@ -43,7 +43,7 @@ pub struct CameraTally {
     pub n_not_finite: u64,
     /// Candidates outside the image.
     pub n_outside_image: u64,
-    /// Candidates of each frame, a sign each: see [`sign_of`].
+    /// Candidates of each frame, a sign each: see `sign_of`.
     pub signs: String,
 }
 
