@@ -80,6 +80,18 @@ impl Arrivals {
     }
 }
 
+/// Numbers of the frames that were lost between two that came, each with its stamp, as far as they
+/// were taken within a span.
+#[must_use]
+pub fn lost_between(
+    ends: [(u64, StampNs); 2],
+    [from_ns, to_ns]: [StampNs; 2],
+) -> Option<RangeInclusive<u64>> {
+    let [before, after] = ends.map(|(frame_idx, t_ns)| Arrived { frame_idx, t_ns });
+    let is_gap = after.frame_idx > before.frame_idx.saturating_add(1);
+    is_gap.then_some(Gap { before, after }).and_then(|gap| gap.within(from_ns, to_ns))
+}
+
 impl Gap {
     /// The lost frames that were taken within a span.
     fn within(&self, from_ns: StampNs, to_ns: StampNs) -> Option<RangeInclusive<u64>> {

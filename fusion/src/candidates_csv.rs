@@ -2,8 +2,8 @@
 //!
 //! Header `t_ns,x_px,y_px` and optionally `width_px,height_px,area_px`, in any order; rows with the
 //! same `t_ns` are one frame; raw pixels. An empty size is not known (NaN within). A frame without
-//! candidates has no rows. Stamps are on a clock of their own. Printing and parsing are inverses on frames with candidates; the printed
-//! form always has the sizes.
+//! candidates has no rows. Stamps are on a clock of their own. Printing and parsing are inverses on
+//! frames with candidates; the printed form always has the sizes.
 
 use crate::Error;
 use crate::candidates::FrameCandidates;

@@ -10,12 +10,12 @@
 //!
 //! **One clock**: both cameras' stamps were translated to this machine's clock, each with a sigma.
 //! Then the offset is 0 within both sigmas. What is left of it is how unlike the two ways over the
-//! network are, which changes slowly: what a shot tells is forgotten within [`WANDER_S`]. When the
+//! network are, which changes slowly: what a shot tells is forgotten within `WANDER_S`. When the
 //! stamps become worse the doubt grows at once by as much.
 //!
 //! **Stamps that are not as good as they say**: a ball is looked for, and first measured, with a
 //! millisecond more doubt ([`Clock::doubted_s`]). If what the shot then says of the clocks is more
-//! than [`CONTRADICTED_SIGMAS`] off, the shot is believed, and from then on the stamps are taken
+//! than `CONTRADICTED_SIGMAS` off, the shot is believed, and from then on the stamps are taken
 //! for as bad as they were found.
 
 use crate::motion::seconds_between;

@@ -3,13 +3,13 @@
 //! Read in this order, which is that of the chain: [`world`] (what is known before play), then
 //! [`candidates`] (strips of a frame put together; [`intake`] keeps account of them,
 //! [`candidates_csv`] reads and writes files of them), [`rectified`], [`merged`] (one stream in the
-//! order of time), [`arrivals`] (what did not come), [`history`] (its last seconds), [`matched`], [`points`], [`seeds`] ([`lone`]
-//! if one camera is silent), [`motion`] and [`tracklets`], [`look`] and [`path`], [`flight`],
-//! [`launch`] and [`shot`], [`decided`], and how they leave, [`shots_json`] and [`message`].
-//! [`clock`] carries what shots say of the cameras' clocks, [`watch`] what they say of the rig that
-//! [`calibration`] has made; [`quadratic`] is the thesis' way to
-//! measure. [`Fusion`] is all of it, [`explain`] says why it lost a ball. [`mod@reference`] is what a ball machine's settings should
-//! have given, and how a shot differs.
+//! order of time), [`arrivals`] (what did not come), [`history`] (its last seconds), [`matched`],
+//! [`points`], [`seeds`] ([`lone`] if one camera is silent), [`motion`] and [`tracklets`], [`look`]
+//! and [`path`], [`flight`], [`launch`] and [`shot`], [`decided`], and how they leave,
+//! [`shots_json`] and [`message`]. [`clock`] carries what stamps and shots say of the cameras'
+//! clocks, [`watch`] what shots say of the rig that [`calibration`] has made; [`quadratic`] is the
+//! thesis' way to measure. [`Fusion`] is all of it, [`explain`] says why it lost a ball.
+//! [`mod@reference`] is what a ball machine's settings should have given, and how a shot differs.
 //!
 //! Deliberately absent: IO, a clock of its own, and `Result` in the pipeline. What cannot be used
 //! is dropped and counted ([`Dropped`], [`Rejected`]). Every queue has a maximum, so a stream may

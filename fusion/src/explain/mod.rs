@@ -1,8 +1,8 @@
 //! Trace + window -> why a ball was lost, stage by stage.
 //!
-//! [`trace`] is what the stages noted while they ran, [`tally`] its sums in a window, [`stage`] says
-//! at which stage the ball was lost and in one sentence why, [`report`] tells of all stages in their
-//! order. Nothing is measured again: what is told is what happened.
+//! [`trace`] is what the stages noted while they ran, [`tally`] its sums in a window, [`stage`]
+//! says at which stage the ball was lost and in one sentence why, [`report`] tells of all stages in
+//! their order. Nothing is measured again: what is told is what happened.
 //!
 //! Times are seconds since the first frame, each on its own camera's clock. A file of candidates
 //! has no row for a frame without any, so of such files lost frames are not known.

@@ -2,7 +2,9 @@
 
 use super::trace::{Fate, FrameNote, Trace};
 use super::{Window, trace};
-use crate::arrivals::Arrivals;
+use crate::arrivals;
+use crate::history::SILENT_S;
+use crate::motion::seconds_between;
 use crate::seeds::Tried;
 use shm_layout::{Camera, StampNs};
 use std::ops::RangeInclusive;
@@ -18,6 +20,8 @@ pub struct CameraTally {
     pub lost: Vec<RangeInclusive<u64>>,
     /// The stamp after which no frame came any more, though the other camera's did.
     pub silent_since_ns: Option<StampNs>,
+    /// Whether that was before the middle of the window.
+    pub is_silent_mostly: bool,
     /// Frames that came too late to be looked at.
     pub n_late: u64,
     /// Frames whose stamp was not after that of the frame before.
@@ -39,7 +43,7 @@ pub struct CameraTally {
     pub n_not_finite: u64,
     /// Candidates outside the image.
     pub n_outside_image: u64,
-    /// Candidates of each frame, a sign each: see [`sign_of`].
+    /// Candidates of each frame, a sign each: see `sign_of`.
     pub signs: String,
 }
 
@@ -61,7 +65,7 @@ impl CameraTally {
     pub fn is_missing(&self) -> bool {
         let n_gone = self.n_lost().saturating_add(self.n_late);
         let n_used = self.n_arrived - self.n_late - self.n_backward;
-        !self.is_there || self.n_arrived == 0 || n_gone > n_used || self.silent_since_ns.is_some()
+        !self.is_there || self.n_arrived == 0 || n_gone > n_used || self.is_silent_mostly
     }
 
     fn add(&mut self, frame: &FrameNote) {
@@ -105,35 +109,18 @@ const MAX_GAP_SIGNS: u64 = 90;
 #[must_use]
 pub fn of_camera(camera: Camera, trace: &Trace, window: &Window) -> CameraTally {
     let mut tally = CameraTally::default();
-    let mut arrivals = Arrivals::default();
     let mut last: Option<&FrameNote> = None;
     let span_ns = [window.from_ns, window.to_ns];
     for frame in trace.frames.iter().filter(|frame| frame.camera == camera) {
         tally.is_there = true;
-        if frame.fate == Fate::Backward && window.contains(frame.t_ns) {
-            tally.add(frame);
-            tally.signs.push(sign_of(frame));
-        }
-        if frame.fate == Fate::Backward {
-            continue;
-        }
-        let last = last.replace(frame);
-        if last.is_some_and(|last| last.recording_id != frame.recording_id) {
-            arrivals = Arrivals::default();
-        }
-        if let Some(last) = last.filter(|last| last.t_ns < window.from_ns) {
-            arrivals = Arrivals::default();
-            arrivals.update(last.frame_idx, last.t_ns);
-        }
-        let n_before = arrivals.n_lost(span_ns);
-        if last.is_none_or(|last| last.t_ns <= window.to_ns) {
-            arrivals.update(frame.frame_idx, frame.t_ns);
-        }
-        let n_lost = arrivals.n_lost(span_ns).saturating_sub(n_before);
-        if n_lost > 0 {
-            let newest = arrivals.lost(span_ns).last();
-            tally.lost.extend(newest);
-            tally.signs.extend((0..n_lost.min(MAX_GAP_SIGNS)).map(|_| '.'));
+        if frame.fate != Fate::Backward {
+            let last = last.replace(frame).filter(|last| last.recording_id == frame.recording_id);
+            let ends = last.map(|last| [last, frame].map(|end| (end.frame_idx, end.t_ns)));
+            if let Some(lost) = ends.and_then(|ends| arrivals::lost_between(ends, span_ns)) {
+                let n_signs = (lost.end() - lost.start()).min(MAX_GAP_SIGNS - 1) + 1;
+                tally.signs.extend((0..n_signs).map(|_| '.'));
+                tally.lost.push(lost);
+            }
         }
         if window.contains(frame.t_ns) {
             tally.add(frame);
@@ -141,6 +128,8 @@ pub fn of_camera(camera: Camera, trace: &Trace, window: &Window) -> CameraTally 
         }
     }
     tally.silent_since_ns = silent_since_ns(camera, trace, window);
+    let middle_ns = window.from_ns.midpoint(window.to_ns);
+    tally.is_silent_mostly = tally.silent_since_ns.is_some_and(|since_ns| since_ns < middle_ns);
     tally
 }
 
@@ -152,7 +141,7 @@ fn silent_since_ns(camera: Camera, trace: &Trace, window: &Window) -> Option<Sta
     };
     let own_ns = last_of(camera)?;
     let other_ns = Camera::BOTH.into_iter().filter_map(last_of).max()?.min(window.to_ns);
-    let is_gone = crate::motion::seconds_between(own_ns, other_ns) > crate::history::SILENT_S;
+    let is_gone = seconds_between(own_ns, other_ns) > SILENT_S;
     is_gone.then_some(own_ns)
 }
 

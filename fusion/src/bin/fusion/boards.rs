@@ -18,8 +18,8 @@ const STRAGGLERS_WITHIN: Duration = Duration::from_secs(2);
 /// Most strips read ahead: ten seconds of both boards, four strips a frame, are 7200.
 const MAX_AHEAD: usize = 8192;
 
-/// Strips that boards sent. After an outage ten seconds come in a moment, which is more than shared memory
-/// keeps while a flight is fitted: so all that is there is read between any two strips.
+/// Strips that boards sent. After an outage ten seconds come in a moment, which is more than shared
+/// memory keeps while a flight is fitted: so all that is there is read between any two strips.
 struct Inbox {
     strips: MessageReader<StripCandidates>,
     ahead: VecDeque<StripCandidates>,
