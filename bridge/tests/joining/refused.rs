@@ -1,9 +1,12 @@
 //! Strangers: who has no keys, wrong keys, old keys, another's keys, or speaks out of turn.
 
-use crate::court::{Court, LEFT, RIGHT, all_arrive, free_endpoint, heard, stranger, was_said};
+use crate::court::{
+    Court, LEFT, RIGHT, all_arrive, free_endpoint, heard, stranger, wait_for, was_said,
+};
 use bridge::session::{self, Options, Role};
 use std::io::Write;
 use std::net::TcpStream;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use zenoh::{Session, Wait};
 
@@ -105,6 +108,28 @@ fn plain_tcp_and_garbage_disturb_nobody() {
 }
 
 #[test]
+fn a_board_joins_while_strangers_hammer() {
+    let court = Court::new();
+    let fusion = court.fusion();
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // Some two hundred a second, of which none is ever let in.
+            while !is_over.load(Ordering::Relaxed) {
+                let address = court.endpoint.trim_start_matches("tls/");
+                let mut stream = TcpStream::connect(address).unwrap();
+                let _ = stream.write_all(b"no TLS at all");
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        });
+        wait_for("strangers", || was_said("something else than TLS"));
+        let board = court.peer(LEFT, court.keys("rose/left", LEFT));
+        all_arrive(&board, LEFTS, &fusion, |idx| idx > N_MORE);
+        is_over.store(true, Ordering::Relaxed);
+    });
+}
+
+#[test]
 fn a_board_speaks_for_its_own_camera_only() {
     let court = Court::new();
     let fusion = court.fusion();
@@ -131,7 +156,9 @@ fn a_dashboard_hears_shots_and_says_nothing() {
         fusion.put("court/rose/right/ping", "for the board alone").wait().unwrap();
     });
     all_arrive(&fusion, "court/rose/shot", &dashboard, |idx| idx > N_MORE);
-    let keys: Vec<String> = overheard.try_iter().map(|(key, _)| key).collect();
+    // Its own words come back to it; of the others' it has shots alone.
+    let others = overheard.try_iter().filter(|(_, text)| text != "evil");
+    let keys: Vec<String> = others.map(|(key, _)| key).collect();
     assert!(keys.iter().all(|key| key == "court/rose/shot"), "{keys:?}");
 }
 
