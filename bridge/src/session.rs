@@ -208,6 +208,7 @@ impl<'a> Plan<'a> {
             ("transport/link/rx/max_message_size", json!(MAX_MESSAGE_BYTES)),
         ];
         settings.extend(self.scouting());
+        settings.extend(self.regions());
         if let Some(keys) = &self.keys {
             settings.extend(keys.settings());
             settings.push(("transport/link/protocols", json!(["tls"])));
@@ -216,6 +217,27 @@ impl<'a> Plan<'a> {
             settings.push(("transport/link/protocols", json!(["tcp"])));
         }
         Ok(settings)
+    }
+
+    /// A router passes messages between regions, and not between the peers of one: it takes them
+    /// to be connected with each other. Boards, fusions and dashboards are a region each.
+    fn regions(&self) -> Option<(&'static str, Value)> {
+        let region = match self.options.role {
+            Role::Board(_) => "boards",
+            Role::Fusion => "fusions",
+            Role::Dashboard => "dashboards",
+            Role::Commander => return None,
+            Role::Router => {
+                let regions = ["boards", "fusions", "dashboards"];
+                let mut south: Vec<Value> = regions
+                    .iter()
+                    .map(|name| json!({ "filters": [{ "region_names": [name] }] }))
+                    .collect();
+                south.push(json!({ "filters": [{ "modes": ["client"] }] }));
+                return Some(("gateway", json!({ "south": south })));
+            }
+        };
+        Some(("region_name", json!(region)))
     }
 
     /// Whether it must find who to connect to.
