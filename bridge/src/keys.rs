@@ -18,7 +18,7 @@ use shm_layout::services::Place;
 use zenoh::key_expr::OwnedKeyExpr;
 
 /// What a board sends without being asked, each with its own numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stream {
     /// What is known of every frame.
     FramesInfo,

@@ -5,7 +5,8 @@
 //! which), [`presence`] whether the other end is there. On a board
 //! [`ring`] is the last ten seconds and [`outbound`] all of it (shared memory → network). Beside
 //! fusion [`gaps`] brings batches into order, [`clock`] knows the board's time, and [`inbound`] is
-//! all of it (network → shared memory).
+//! all of it (network → shared memory). [`recording`] keeps what stood in shared memory in a file, and
+//! plays it again.
 //!
 //! Deliberately absent: what a message means. Stamps are translated, for in shared memory they are
 //! on the clock of the machine they are read on.
@@ -19,6 +20,7 @@ pub mod keys;
 pub mod outbound;
 pub mod pairing;
 pub mod presence;
+pub mod recording;
 pub mod ring;
 pub mod session;
 pub mod wire;
