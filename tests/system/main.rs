@@ -8,6 +8,7 @@ mod accuracy; // what a shot is measured as, against its truth
 mod chessboard; // pictures of a board become a rig
 mod court; // pictures of a court's lines become a rig
 mod labelling; // a person's labels, over HTTP, in the file
+mod recording; // recorded shots, a killed recorder, and playing them again
 mod refusals; // bad input: named, with its place, and nothing left behind
 mod residents; // processes that are killed, and Ctrl-C
 mod run; // starting `track` and reading what it wrote

@@ -28,6 +28,9 @@ pub mod times;
 pub mod topics;
 pub mod writer;
 
+#[cfg(test)]
+mod tests;
+
 use shm_layout::services;
 use std::path::{Path, PathBuf};
 
@@ -75,6 +78,12 @@ pub enum Error {
     /// A thread of this process is gone, which only a bug can do.
     #[error("the thread that writes ended early")]
     WriterGone,
+}
+
+impl From<queue::Gone> for Error {
+    fn from(_: queue::Gone) -> Self {
+        Self::WriterGone
+    }
 }
 
 fn file(path: &Path, what: &'static str) -> impl FnOnce(&dyn std::fmt::Display) -> Error {

@@ -4,7 +4,7 @@
 //! them). A recorder is nobody whom boards or the bridge wait for: it begins to read when somebody
 //! else does, so that a recording which is played does not start unheard.
 
-use super::queue::{self, Gone, Inlet, Item, LeftOut};
+use super::queue::{self, Inlet, Item, LeftOut};
 use super::times::Times;
 use super::writer::{Counts, Writer, write_all};
 use super::{Error, file};
@@ -102,15 +102,16 @@ fn read_all(
 ) -> Result<(), Error> {
     let mut status = Status::new(path);
     while !stop.is_raised() && lasting.is_none_or(|lasting| begun.elapsed() < lasting) {
-        match memory.read_once(&inlet)? {
-            Err(Gone) => return Ok(()), // the thread that writes says why
+        match memory.read_once(&inlet) {
             Ok(0) => memory.alarm.wait()?,
-            Ok(n) => status.n_read += n as u64,
+            Ok(n) => status.n_read += n,
+            Err(Error::WriterGone) => return Ok(()), // it says why itself
+            Err(why) => return Err(why),
         }
         status.show(begun, &inlet.left_out);
     }
     // What was there when it was stopped belongs to it.
-    let _ = memory.read_once(&inlet)?;
+    memory.read_once(&inlet)?;
     status.clear();
     Ok(())
 }
@@ -175,41 +176,42 @@ impl Memory {
     }
 
     /// Reads what is there; how many things that were.
-    fn read_once(&mut self, inlet: &Inlet) -> Result<Result<usize, Gone>, Error> {
+    fn read_once(&mut self, inlet: &Inlet) -> Result<u64, Error> {
         // Shots are read first and put in last: so what they were measured from stands before
         // them, wherever a killed recording ends.
         let mut shots = Vec::new();
         while let Some(reader) = &self.shots
             && let Some(text) = reader.receive()?
         {
-            shots.push((now_ns(), text));
+            shots.push(text);
         }
-        let mut items = Vec::new();
-        while items.len() < MAX_AT_ONCE
-            && let Some(info) = self.infos.receive()?
-        {
-            items.push((now_ns(), Item::Message(Message::FrameInfo(*info))));
+        let mut n = shots.len() as u64;
+        let mut put = |item: Item| {
+            n += 1;
+            inlet.put(now_ns(), item)
+        };
+        let mut is_playing = false;
+        for _ in 0..MAX_AT_ONCE {
+            let Some(info) = self.infos.receive()? else { break };
+            put(Item::Message(Message::FrameInfo(*info)))?;
+            is_playing = true;
         }
-        let is_new = !items.is_empty();
-        if let Some(frames) = &mut self.frames
-            && let Err(gone) = frames.read_once(inlet, is_new)?
-        {
-            return Ok(Err(gone));
+        if let Some(frames) = &mut self.frames {
+            frames.read(inlet, is_playing)?;
         }
-        while items.len() < 2 * MAX_AT_ONCE
-            && let Some(strip) = self.strips.receive()?
-        {
-            items.push((now_ns(), Item::Message(Message::Candidates(Box::new(*strip)))));
+        for _ in 0..MAX_AT_ONCE {
+            let Some(strip) = self.strips.receive()? else { break };
+            put(Item::Message(Message::Candidates(Box::new(*strip))))?;
         }
         while let Some(reader) = &self.links
             && let Some(link) = reader.receive()?
         {
-            items.push((now_ns(), Item::Link(*link)));
+            put(Item::Link(*link))?;
         }
-        items.extend(shots.into_iter().map(|(_, text)| (now_ns(), Item::Shot(text))));
-        let n = items.len();
-        let put = items.into_iter().try_for_each(|(read_ns, item)| inlet.put(read_ns, item));
-        Ok(put.map(|()| n))
+        for text in shots {
+            inlet.put(now_ns(), Item::Shot(text))?;
+        }
+        Ok(n)
     }
 }
 
@@ -226,7 +228,7 @@ impl Frames {
         Ok(Self { service: member.frames()?, reader: None, last: None })
     }
 
-    fn read_once(&mut self, inlet: &Inlet, is_playing: bool) -> Result<Result<(), Gone>, Error> {
+    fn read(&mut self, inlet: &Inlet, is_playing: bool) -> Result<(), Error> {
         if self.reader.is_none() && is_playing {
             self.reader = Some(self.service.reader()?);
         }
@@ -242,11 +244,9 @@ impl Frames {
                 inlet.left_out.n_frames_missed.fetch_add(n_missed, Ordering::Relaxed);
             }
             self.last = Some(now);
-            if let Err(gone) = inlet.put_frame(now_ns(), info, frame.payload()) {
-                return Ok(Err(gone));
-            }
+            inlet.put_frame(now_ns(), info, frame.payload())?;
         }
-        Ok(Ok(()))
+        Ok(())
     }
 }
 
