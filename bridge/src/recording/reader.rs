@@ -6,6 +6,7 @@
 use super::topics::{BEGUN, ENDED, RIG_FILE, Topic};
 use super::{Error, file};
 use crate::wire::batch::{Message, batch_from_bytes};
+use crate::wire::{Refusal, VERSION};
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -143,7 +144,12 @@ impl Recording {
     fn entry_of(&self, topic: Option<Topic>, data: &[u8]) -> Result<Entry, Error> {
         match topic {
             Some(Topic::Board(..)) => {
-                let batch = batch_from_bytes(data).map_err(|why| self.refused(&why))?;
+                let batch = batch_from_bytes(data).map_err(|why| match why {
+                    Refusal::Version { theirs } => self.refused(&format_args!(
+                        "it was recorded in version {theirs}, this program reads version {VERSION}"
+                    )),
+                    other => self.refused(&other),
+                })?;
                 let [message] = <[Message; 1]>::try_from(batch.messages)
                     .map_err(|_| self.refused(&"one message a batch was expected"))?;
                 Ok(Entry::Message(message))
