@@ -5,10 +5,12 @@
 //! which), [`presence`] whether the other end is there. On a board
 //! [`ring`] is the last ten seconds and [`outbound`] all of it (shared memory → network). Beside
 //! fusion [`gaps`] brings batches into order, [`clock`] knows the board's time, and [`inbound`] is
-//! all of it (network → shared memory).
+//! all of it (network → shared memory). [`recording`] keeps what stood in shared memory in a file,
+//! and plays it again.
 //!
 //! Who may join: [`discovery`] finds fusion in the network, [`refusal`] and [`once`] tell of those
-//! who may not, [`one_thread`] keeps TLS sound; [`router`] joins many courts and [`follow`] listens to them.
+//! who may not, [`one_thread`] keeps TLS sound; [`router`] joins many courts and [`follow`] listens
+//! to them.
 //!
 //! Deliberately absent: what a message means. Stamps are translated, for in shared memory they are
 //! on the clock of the machine they are read on.
@@ -26,6 +28,7 @@ pub mod one_thread;
 pub mod outbound;
 pub mod pairing;
 pub mod presence;
+pub mod recording;
 pub mod refusal;
 pub mod ring;
 pub mod router;

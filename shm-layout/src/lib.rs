@@ -1,8 +1,9 @@
 //! Room 0: what two processes must agree on. Plain `repr(C)` data and the one table of services.
 //!
-//! Read in this order: [`stamp`] (which camera, when), [`frame`], [`candidates`], [`link`], [`shot`]
-//! — the messages in the order of the chain — then [`services`], which holds the table and is the only
-//! place where a service is opened, and [`stop`], the one way a process of this house ends.
+//! Read in this order: [`stamp`] (which camera, when), [`frame`], [`candidates`], [`link`],
+//! [`taken`], [`shot`] — the messages in the order of the chain — and [`text`], then [`services`],
+//! which holds the table and is the only place where a service is opened, and [`stop`], the one way
+//! a process of this house ends.
 //!
 //! Deliberately absent: anything that looks into a message, and unsafe code.
 #![forbid(unsafe_code)]
@@ -15,6 +16,7 @@ pub mod services;
 pub mod shot;
 pub mod stamp;
 pub mod stop;
+pub mod taken;
 pub mod text;
 
 pub use candidates::{Candidate, MAX_CANDIDATES, MAX_STRIPS, N_STRIPS_RANGE, StripCandidates};
@@ -22,3 +24,4 @@ pub use frame::{FrameInfo, MAX_SIDE_PX};
 pub use link::Link;
 pub use shot::Shot;
 pub use stamp::{Camera, StampNs};
+pub use taken::Taken;

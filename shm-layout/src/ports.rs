@@ -115,6 +115,12 @@ impl<T: Message> MessageService<T> {
     pub fn n_readers(&self) -> usize {
         self.data.dynamic_config().number_of_subscribers()
     }
+
+    /// How many writers there are now.
+    #[must_use]
+    pub fn n_writers(&self) -> usize {
+        self.data.dynamic_config().number_of_publishers()
+    }
 }
 
 impl<T: Message> MessageWriter<T> {

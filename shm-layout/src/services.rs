@@ -6,7 +6,7 @@
 
 use crate::ports::{FrameService, MessageService};
 use crate::text::{MAX_TEXT_BYTES, TextService};
-use crate::{Camera, FrameInfo, Link, MAX_SIDE_PX, MAX_STRIPS, Shot, StripCandidates};
+use crate::{Camera, FrameInfo, Link, MAX_SIDE_PX, MAX_STRIPS, Shot, StripCandidates, Taken};
 use iceoryx2::prelude::{
     CallbackProgression, Config, FileName, LogLevel, Node, NodeBuilder, NodeName, NodeState, Path,
     SemanticString, ServiceName, SignalHandlingMode, ipc, set_log_level,
@@ -109,8 +109,20 @@ pub const LINKS: Row = Row {
     held: 1,
 };
 
-/// All services. `frames` is on boards only, `links` and shots beside fusion only.
-pub const TABLE: [Row; 6] = [FRAMES, FRAMES_INFO, CANDIDATES, LINKS, SHOTS, SHOTS_JSON];
+/// How far fusion has come, for a replay. Only the newest counts.
+pub const TAKEN: Row = Row {
+    name: "taken",
+    message: "Taken",
+    bytes: size_of::<Taken>(),
+    rate_hz: 180,
+    writers: 1,
+    readers: 4,
+    depth: 16,
+    held: 1,
+};
+
+/// All services. `frames` is on boards only; `links`, `taken` and shots beside fusion only.
+pub const TABLE: [Row; 7] = [FRAMES, FRAMES_INFO, CANDIDATES, LINKS, TAKEN, SHOTS, SHOTS_JSON];
 
 /// Most processes in one domain.
 pub(crate) const MAX_NODES: usize = 24;
@@ -315,6 +327,14 @@ impl Member {
     /// When the service cannot be opened.
     pub fn shots_json(&self) -> Result<TextService, Error> {
         TextService::open(&self.node, &name_of(SHOTS_JSON)?, SHOTS_JSON)
+    }
+
+    /// How far fusion has come.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn taken(&self) -> Result<MessageService<Taken>, Error> {
+        MessageService::open(&self.node, &name_of(TAKEN)?, TAKEN)
     }
 
     /// How the boards' links are.

@@ -177,6 +177,27 @@ impl Household {
         }
     }
 
+    /// Asks the process called `name` to end, and waits until it has with success.
+    ///
+    /// # Errors
+    /// When it fails, or ended before.
+    pub fn end(&mut self, name: &str) -> Result<(), Error> {
+        self.look()?;
+        let resident = self.residents.iter_mut().rfind(|r| r.name == name && !r.is_done);
+        let Some(resident) = resident else {
+            return Err(Error::Ended { name: name.to_owned(), how: "ended early".to_owned() });
+        };
+        signal(&resident.child, rustix::process::Signal::TERM);
+        let status = resident.child.wait();
+        let status =
+            status.map_err(|why| Error::System { what: format!("wait for {name}"), why })?;
+        resident.is_done = true;
+        if status.success() {
+            return Ok(());
+        }
+        Err(Error::Ended { name: name.to_owned(), how: how_ended(status) })
+    }
+
     /// Looks at every process once.
     ///
     /// # Errors

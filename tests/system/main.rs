@@ -10,6 +10,7 @@ mod court; // pictures of a court's lines become a rig
 mod hosts; // hosts of one network, and how bad it is
 mod labelling; // a person's labels, over HTTP, in the file
 mod link; // candidates and clocks over a network that is as bad as asked
+mod recording; // recorded shots, a killed recorder, and playing them again
 mod refusals; // bad input: named, with its place, and nothing left behind
 mod residents; // processes that are killed, and Ctrl-C
 mod run; // starting `track` and reading what it wrote

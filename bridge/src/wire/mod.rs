@@ -24,7 +24,7 @@ use bincode::{Decode, Encode};
 pub const VERSION: u16 = 4;
 
 /// What a board sends without being asked, each with its own numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stream {
     /// What is known of every frame.
     FramesInfo,

@@ -14,12 +14,16 @@ use tests::processes::{self, Household, Until, free_endpoint};
 const INTERRUPTED: u8 = 130;
 
 /// Measures the shots of a folder (left.y4m, left.timestamps … rig.toml) with two boards, each with
-/// capture, workers and bridge, and fusion. Or its candidates (left.csv …) with fusion alone.
+/// capture, workers and bridge, and fusion. Or its candidates (left.csv …) with fusion alone. Or a
+/// recording of `record`, which gives the shots that were told when it was recorded, bit by bit.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Flags {
-    /// The shot folder.
+    /// The shot folder, or a recording of `record`.
     folder: PathBuf,
+    /// The rig [default: the folder's rig.toml, or the one that was recorded].
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
     /// Where the shots go, as "shots/1"; - is stdout.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -62,7 +66,10 @@ fn run(flags: &Flags) -> anyhow::Result<()> {
         flags.json.is_some() || flags.candidates.is_some(),
         "nothing to write: expected --json FILE or --candidates DIR"
     );
-    let shot = Folder::open(&flags.folder)?;
+    let shot = match flags.folder.is_file() {
+        true => Folder::of_recording(&flags.folder, flags.rig.is_some())?,
+        false => Folder::open(&flags.folder, flags.rig.is_some())?,
+    };
     if let Some(directory) = &flags.candidates {
         std::fs::create_dir_all(directory).with_context(|| directory.display().to_string())?;
     }
@@ -83,7 +90,8 @@ fn play(
 ) -> Result<(), processes::Error> {
     let mut arguments: Vec<OsString> = vec!["--fit".into(), flags.fit.as_str().into()];
     arguments.extend(flags.fusion_flags.split_whitespace().map(Into::into));
-    if let Some(path) = &shot.rig {
+    let recorded_rig = shot.recorded_rig.as_ref().map(|file| file.path());
+    if let Some(path) = flags.rig.as_deref().or(shot.rig.as_deref()).or(recorded_rig) {
         arguments.extend(["--rig".into(), path.into()]);
     }
     if let Some(path) = &flags.json {
@@ -91,6 +99,10 @@ fn play(
     }
     if let Some(path) = &flags.candidates {
         arguments.extend(["--candidates".into(), path.into()]);
+    }
+    let speed = if flags.real_speed { "real" } else { "max" };
+    if shot.inputs.is_empty() {
+        return replay(&flags.folder, speed, &arguments, house, stop);
     }
     for (camera, input) in &shot.inputs {
         match input {
@@ -108,7 +120,6 @@ fn play(
             endpoint: free_endpoint()?,
         };
         chain.start_fusion_bridge(house)?;
-        let speed = if flags.real_speed { "real" } else { "max" };
         for (camera, input) in &shot.inputs {
             if let Input::Video(path) = input {
                 chain.start_board(house, *camera)?;
@@ -119,11 +130,27 @@ fn play(
     house.wait_for("fusion", stop)
 }
 
-/// What a shot folder holds.
+/// Fusion measures as in play, and is stopped when it has taken all in: so its shots are the same.
+fn replay(
+    recording: &Path,
+    speed: &str,
+    arguments: &[OsString],
+    house: &mut Household,
+    stop: &Stop,
+) -> Result<(), processes::Error> {
+    house.start("fusion", "fusion", arguments, Until::Stopped, Stdio::inherit())?;
+    let arguments = [recording.as_os_str(), "--speed".as_ref(), speed.as_ref()];
+    house.start("replay", "replay", &arguments, Until::Done, Stdio::inherit())?;
+    house.wait_for("replay", stop)?;
+    house.end("fusion")
+}
+
+/// What a shot folder holds; a recording has no inputs, it is played.
 #[derive(Debug)]
 struct Folder {
     inputs: Vec<(Camera, Input)>,
     rig: Option<PathBuf>,
+    recorded_rig: Option<tempfile::NamedTempFile>,
 }
 
 #[derive(Debug)]
@@ -133,8 +160,27 @@ enum Input {
 }
 
 impl Folder {
-    fn open(folder: &Path) -> anyhow::Result<Self> {
-        anyhow::ensure!(folder.is_dir(), "{}: expected a shot folder", folder.display());
+    fn of_recording(recording: &Path, has_rig: bool) -> anyhow::Result<Self> {
+        let mut recorded_rig = None;
+        if let Some(text) = bridge::recording::reader::rig_from(recording)? {
+            let file = tempfile::NamedTempFile::new().context("cannot write the rig")?;
+            std::fs::write(file.path(), text)?;
+            recorded_rig = Some(file);
+        }
+        anyhow::ensure!(
+            has_rig || recorded_rig.is_some(),
+            "{}: was recorded without a rig: expected --rig FILE",
+            recording.display()
+        );
+        Ok(Self { inputs: Vec::new(), rig: None, recorded_rig })
+    }
+
+    fn open(folder: &Path, has_rig: bool) -> anyhow::Result<Self> {
+        anyhow::ensure!(
+            folder.is_dir(),
+            "{}: expected a shot folder or a recording",
+            folder.display()
+        );
         let there = |name: String| Some(folder.join(name)).filter(|path| path.exists());
         let mut inputs = Vec::new();
         for camera in Camera::BOTH {
@@ -155,10 +201,10 @@ impl Folder {
         );
         let rig = there("rig.toml".to_owned());
         anyhow::ensure!(
-            rig.is_some() || inputs.len() == 1,
+            has_rig || rig.is_some() || inputs.len() == 1,
             "{}: expected rig.toml, without which two cameras cannot measure",
             folder.display()
         );
-        Ok(Self { inputs, rig })
+        Ok(Self { inputs, rig, recorded_rig: None })
     }
 }

@@ -7,7 +7,7 @@ use fusion::intake::{FrameCounts, Intake};
 use shm_layout::ports::MessageReader;
 use shm_layout::services::{Domain, Place};
 use shm_layout::stop::Stop;
-use shm_layout::{Camera, StripCandidates};
+use shm_layout::{Camera, StripCandidates, Taken};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -45,24 +45,32 @@ pub fn run(flags: &Flags, mut table: Table, stop: &Stop) -> anyhow::Result<()> {
     let alarm = candidates.alarm()?;
     let mut inbox = Inbox { strips: candidates.reader()?, ahead: VecDeque::new() };
     let infos = member.frames_info()?.reader()?;
+    let (taken_out, mut taken) = (member.taken()?.writer()?, Taken::default());
 
     let mut intakes = [Intake::default(), Intake::default()];
     let mut news_at = Instant::now();
     while !stop.is_raised() {
         inbox.read_ahead()?;
         while let Some(info) = infos.receive()? {
+            taken.n_infos += 1;
             let Some(camera) = Camera::from_idx(info.camera_idx) else { continue };
             table.check_size(camera, &info)?;
             intakes[camera.idx()].update_info(&info);
             news_at = Instant::now();
         }
         if let Some(strip) = inbox.ahead.pop_front() {
-            let Some(camera) = Camera::from_idx(strip.camera_idx) else { continue };
-            let frames = intakes[camera.idx()].update(&strip);
-            table.take(camera, &frames)?;
-            news_at = Instant::now();
+            if let Some(camera) = Camera::from_idx(strip.camera_idx) {
+                let frames = intakes[camera.idx()].update(&strip);
+                table.take(camera, &frames)?;
+                news_at = Instant::now();
+            }
+            taken.n_strips += 1;
+            if taken.n_strips.is_multiple_of(Taken::EVERY_STRIPS) {
+                taken_out.send(taken)?;
+            }
             continue;
         }
+        taken_out.send(taken)?;
         if !flags.recorded.is_empty() && is_over(&intakes, &flags.recorded, news_at.elapsed())? {
             break;
         }
