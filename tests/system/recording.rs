@@ -59,7 +59,7 @@ fn play() -> Played {
     let arguments = ["--place", "fusion", "--out", out.to_str().unwrap(), "--rig"];
     let arguments = [&arguments[..], &[rig.to_str().unwrap()]].concat();
     house.start("record", "record", &arguments, Until::Stopped, Stdio::null()).unwrap();
-    let mut victim = victim(&court, &folder.path().join("killed.mcap"), &rig);
+    let mut victim = Some(victim(&court, &folder.path().join("killed.mcap"), &rig));
     // Recorders are there before the boards: so they hear all that fusion hears.
     let member = Domain::new(&court, Place::Fusion).unwrap().join("test").unwrap();
     let (candidates, infos) = (member.candidates().unwrap(), member.frames_info().unwrap());
@@ -76,7 +76,7 @@ fn play() -> Played {
         while shots.receive().unwrap().is_some() {
             n_told += 1;
         }
-        if n_told >= N_SHOTS_BEFORE_KILL && killed_day_ns.is_none() {
+        if let Some(mut victim) = victim.take_if(|_| n_told >= N_SHOTS_BEFORE_KILL) {
             victim.kill().unwrap();
             victim.wait().unwrap();
             killed_day_ns = SystemTime::now().duration_since(UNIX_EPOCH).ok();
