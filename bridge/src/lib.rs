@@ -5,7 +5,7 @@
 //! which), [`presence`] whether the other end is there. On a board
 //! [`ring`] is the last ten seconds and [`outbound`] all of it (shared memory → network). Beside
 //! fusion [`gaps`] brings batches into order, [`clock`] knows the board's time, and [`inbound`] is
-//! all of it (network → shared memory).
+//! all of it (network → shared memory). [`command`] is what boards are told to do, and how they are.
 //!
 //! Who may join: [`discovery`] finds fusion in the network, [`refusal`] and [`once`] tell of those
 //! who may not; [`router`] joins many courts and [`follow`] listens to them.
@@ -16,6 +16,7 @@
 
 pub mod access;
 pub mod clock;
+pub mod command;
 pub mod discovery;
 pub mod follow;
 pub mod gaps;
