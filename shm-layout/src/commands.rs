@@ -48,10 +48,10 @@ impl Kind {
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[type_name("tennis/Command/1")]
 pub struct Command {
-    /// Place of the kind in the list of all.
-    kind_idx: u32,
+    /// Place of the [`Kind`] in the list of all; [`Self::kind`] reads it.
+    pub kind_idx: u32,
     /// Keeps the size a multiple of eight; always 0.
-    reserved: u32,
+    pub reserved: u32,
     /// The background is learned anew from this frame on: all strips do so with the same frame.
     pub from_frame_idx: u64,
     /// How long a frame is exposed; NaN leaves it as it is.

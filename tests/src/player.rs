@@ -72,7 +72,7 @@ impl<'a> Programme<'a> {
         }
         for (_, _, publisher, _) in &boards {
             publisher.wait_for_readers(n_workers, true, || match stop.is_raised() {
-                true => Err(capture::Error::Stopped),
+                true => Err(Error::Stopped),
                 false => Ok(()),
             })?;
         }

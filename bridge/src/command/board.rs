@@ -8,7 +8,6 @@ use crate::Error;
 use crate::wire::command::{Answer, CameraSettings, Command, Health, Image, MAX_IMAGE_BYTES};
 use shm_layout::commands::{self, CommandClient, Kind, Outcome};
 use shm_layout::services::{Domain, Member, Place};
-use shm_layout::stop::Stop;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -23,7 +22,7 @@ const FRAME_RATE_MIN_HZ: f64 = 90.0;
 #[derive(Debug)]
 pub struct Board {
     setting: Setting,
-    stop: Stop,
+    is_shut_down: bool,
     domain: Domain,
     member: Member,
     client: CommandClient,
@@ -40,7 +39,7 @@ impl Board {
     ///
     /// # Errors
     /// When that cannot be had.
-    pub fn open(setting: Setting, stop: Stop) -> Result<Self, Error> {
+    pub fn open(setting: Setting) -> Result<Self, Error> {
         let domain = Domain::new(&setting.court, Place::Board(setting.camera))?;
         let member = domain.join("bridge-commands")?;
         let client = member.commands()?.client()?;
@@ -49,7 +48,7 @@ impl Board {
         let (begun, counts) = (Instant::now(), setting.seen.counts());
         Ok(Self {
             setting,
-            stop,
+            is_shut_down: false,
             domain,
             member,
             client,
@@ -76,6 +75,12 @@ impl Board {
             Command::Image => Answer::Image(self.image(within)?),
             Command::Health => Answer::Health(self.health()),
         })
+    }
+
+    /// Whether the bridge is to end, too, once that is answered.
+    #[must_use]
+    pub fn is_shut_down(&self) -> bool {
+        self.is_shut_down
     }
 
     /// Takes note of how much came since the last time.
@@ -128,10 +133,12 @@ impl Board {
         let command =
             commands::Command { from_frame_idx, ..commands::Command::new(Kind::LearnBackground) };
         let reasons = self.ask(command, within)?;
-        match reasons.len() {
-            0 => Err(Refused::NoWorkers),
-            n => Ok(format!("{n} workers learn the background from frame {from_frame_idx} on")),
-        }
+        let by = match reasons.len() {
+            0 => return Err(Refused::NoWorkers),
+            1 => "1 worker".to_owned(),
+            n => format!("{n} workers"),
+        };
+        Ok(format!("the background is learned anew from frame {from_frame_idx} on by {by}"))
     }
 
     fn set_camera(
@@ -156,7 +163,7 @@ impl Board {
 
     fn shut_down(&mut self, within: Duration) -> Result<String, Refused> {
         let n_ended = self.ask(commands::Command::new(Kind::Shutdown), within)?.len();
-        self.stop.raise();
+        self.is_shut_down = true;
         Ok(format!("the bridge and {n_ended} other processes of this board end"))
     }
 

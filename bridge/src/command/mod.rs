@@ -172,10 +172,10 @@ pub fn serve(session: &Session, setting: Setting, stop: Stop) -> Result<Serving,
         .map_err(network("publish health"))?;
     let thread = std::thread::spawn(move || {
         // Ports of shared memory stay on the thread that opened them.
-        match Board::open(setting, stop) {
+        match Board::open(setting) {
             Ok(board) => {
                 drop(ready.send(Ok(())));
-                answer_all(board, &queries, &health);
+                answer_all(board, &queries, &health, &stop);
             }
             Err(why) => drop(ready.send(Err(why))),
         }
@@ -196,13 +196,21 @@ pub fn serve(session: &Session, setting: Setting, stop: Stop) -> Result<Serving,
 }
 
 /// Ends when the queryable is gone.
-fn answer_all(mut board: Board, queries: &Receiver<(Query, Instant)>, health: &Publisher<'_>) {
+fn answer_all(
+    mut board: Board,
+    queries: &Receiver<(Query, Instant)>,
+    health: &Publisher<'_>,
+    stop: &Stop,
+) {
     let mut due = Instant::now() + HEALTH_EVERY;
     loop {
         match queries.recv_timeout(due.saturating_duration_since(Instant::now())) {
             Ok((query, came)) => {
                 let answer = answer(&mut board, &query, came + ANSWER_WITHIN);
                 reply(&query, answer);
+                if board.is_shut_down() {
+                    stop.raise();
+                }
             }
             Err(RecvTimeoutError::Timeout) => {
                 due = Instant::now() + HEALTH_EVERY;
