@@ -196,8 +196,9 @@ fn frames_stop_and_start(court: &Court) {
     court.refused(&["image", image], "no frame came within");
     assert_eq!(court.board.last_frame(), None, "a frame came after {last:?}");
     // More at once than are taken: whoever is not served is told so.
+    let (name, endpoint) = (&court.name, &court.endpoint);
     std::thread::scope(|scope| {
-        let ask = || scope.spawn(|| court.command(&["image", image]));
+        let ask = || scope.spawn(|| command(name, endpoint, "left", &["image", image]));
         for output in [(); 5].map(|()| ask()).map(|thread| thread.join().unwrap()) {
             let said = words(&output);
             let is_told = said.contains("no frame came") || said.contains("ask again");
