@@ -5,8 +5,8 @@
 //! which), [`presence`] whether the other end is there. On a board
 //! [`ring`] is the last ten seconds and [`outbound`] all of it (shared memory → network). Beside
 //! fusion [`gaps`] brings batches into order, [`clock`] knows the board's time, and [`inbound`] is
-//! all of it (network → shared memory). [`recording`] keeps what stood in shared memory in a file,
-//! and plays it again.
+//! all of it (network → shared memory). [`command`] is what boards are told to do, and how they are;
+//! [`recording`] keeps what stood in shared memory in a file, and plays it again.
 //!
 //! Who may join: [`discovery`] finds fusion in the network, [`refusal`] and [`once`] tell of those
 //! who may not, [`one_thread`] keeps TLS sound; [`router`] joins many courts and [`follow`] listens
@@ -18,6 +18,7 @@
 
 pub mod access;
 pub mod clock;
+pub mod command;
 pub mod discovery;
 pub mod follow;
 pub mod gaps;

@@ -1,13 +1,16 @@
 //! `bridge`: between the shared memory of a machine and the network.
 
+use bridge::command::seen::Seen;
+use bridge::command::{Setting, cli, recording};
 use bridge::pairing::command::Pair;
 use bridge::session::{Options, Role};
-use bridge::{follow, inbound, once, one_thread, outbound, router, session};
+use bridge::{command, follow, inbound, once, one_thread, outbound, router, session};
 use clap::{Parser, Subcommand};
 use shm_layout::Camera;
 use shm_layout::stop::Stop;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 /// Carries candidates from boards to fusion.
 #[derive(Debug, Parser)]
@@ -37,6 +40,9 @@ enum End {
         /// Folder of the keys [default: ~/.config/tennis/<court>, if there].
         #[arg(long, value_name = "DIR")]
         keys: Option<PathBuf>,
+        /// Where recordings go [default: $XDG_STATE_HOME/tennis, or ~/recordings].
+        #[arg(long, value_name = "DIR")]
+        recordings: Option<PathBuf>,
     },
     /// Beside fusion: network to shared memory.
     Fusion {
@@ -54,6 +60,8 @@ enum End {
         #[arg(long, value_name = "DIR")]
         keys: Option<PathBuf>,
     },
+    /// Tells boards what to do, and says how they are. Exit code 0: done; 1: not, with the reason.
+    Command(cli::Flags),
     /// Prints shots as JSON lines: {"court":...,"shot":...}.
     Follow {
         /// One court; without it all that can be heard, which needs --connect.
@@ -105,6 +113,7 @@ fn place(end: &End) -> &'static str {
     match end {
         End::Board { camera, .. } => camera.name(),
         End::Fusion { .. } => "fusion",
+        End::Command(_) => "command",
         End::Follow { .. } => "follow",
         End::Router { .. } => "router",
         End::Pair(_) => "pair",
@@ -113,12 +122,22 @@ fn place(end: &End) -> &'static str {
 
 fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     match &flags.end {
-        End::Board { court, camera, connect, keys } => {
+        End::Board { court, camera, connect, keys, recordings } => {
             let (connect, keys) = (connect.clone(), keys.clone());
             let role = Role::Board(*camera);
             let mut options = Options { connect, keys, ..Options::new(court, role) };
             if session::discover(&mut options, stop)? {
-                let sent = outbound::run(&session::open(&options)?, court, *camera, stop)?;
+                let session = session::open(&options)?;
+                let seen = Arc::new(Seen::default());
+                let setting = Setting {
+                    court: court.clone(),
+                    camera: *camera,
+                    recordings: recordings.clone().unwrap_or_else(recording::default_folder),
+                    seen: Arc::clone(&seen),
+                };
+                // Before outbound's token says that this board is here.
+                let _commands = command::serve(&session, setting, stop.clone())?;
+                let sent = outbound::run(&session, court, *camera, &seen, stop)?;
                 tracing::info!(?sent, "bridge {camera} stopped");
             }
         }
@@ -128,6 +147,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
             let received = inbound::run(&session::open(&options)?, court, stop)?;
             tracing::info!(?received, "bridge fusion stopped");
         }
+        End::Command(flags) => cli::run(flags)?,
         End::Follow { court, connect, keys, courts } => {
             let (connect, keys, courts) = (connect.clone(), keys.clone(), courts.clone());
             let name = court.as_deref().unwrap_or("club");

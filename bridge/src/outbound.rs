@@ -5,6 +5,7 @@
 //! for it drops, and the far end asks for it again. Pings are answered where they arrive; questions
 //! for what is missing have a thread of their own, for their answers may wait for the network.
 
+use crate::command::seen::Seen;
 use crate::keys;
 use crate::presence::Presence;
 use crate::ring::Ring;
@@ -56,11 +57,17 @@ impl Archive {
     }
 }
 
-/// Moves messages of a board to the network until stopped.
+/// Moves messages of a board to the network until stopped; `seen` counts them.
 ///
 /// # Errors
 /// When shared memory or the network cannot be had.
-pub fn run(session: &Session, court: &str, camera: Camera, stop: &Stop) -> Result<Sent, Error> {
+pub fn run(
+    session: &Session,
+    court: &str,
+    camera: Camera,
+    seen: &Seen,
+    stop: &Stop,
+) -> Result<Sent, Error> {
     let domain = Domain::new(court, Place::Board(camera))?;
     let archive = Archive { session_id: new_session_id(), ring: Arc::default() };
     let publishers = [
@@ -97,7 +104,9 @@ pub fn run(session: &Session, court: &str, camera: Camera, stop: &Stop) -> Resul
                 }
                 sent.n_batches += 1;
                 sent.n_messages += messages.len() as u64;
+                seen.note(&messages);
                 let bytes = archive.add(stream, messages);
+                seen.note_ring(&archive.ring());
                 let put = publishers[stream.idx()].put(bytes);
                 put.wait().map_err(network("send a batch"))?;
             }

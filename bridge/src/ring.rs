@@ -68,6 +68,12 @@ impl Ring {
         self.kept[stream.idx()].range(place(first_idx)..place(end_idx)).map(|kept| &kept.bytes)
     }
 
+    /// Bytes of all batches that are here.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        self.n_bytes
+    }
+
     fn oldest_ns(&self) -> Option<StampNs> {
         self.kept.iter().filter_map(|kept| kept.front()).map(|kept| kept.sent_ns).min()
     }

@@ -2,7 +2,8 @@
 //!
 //! Read in this order: [`recording`] and [`pictures`] are where frames come from, [`stamps`] when
 //! they were exposed, [`source`] is the door all of them stand behind (cameras will too), and
-//! [`publisher`] lends shared memory, has it filled and publishes it; [`pace`] decides when.
+//! [`publisher`] lends shared memory, has it filled and publishes it; [`pace`] decides when, and
+//! [`orders`] whether at all.
 //!
 //! [`average`] is for calibration: what stands still in a recording, as one picture.
 //!
@@ -11,6 +12,7 @@
 #![forbid(unsafe_code)]
 
 pub mod average;
+pub mod orders;
 pub mod pace;
 pub mod pictures;
 pub mod publisher;

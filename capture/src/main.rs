@@ -1,16 +1,16 @@
 //! `capture`: frames from disk into the shared memory of a board.
 
 use capture::Error;
+use capture::orders::Orders;
 use capture::pace::{self, InFlight, MAX_IN_FLIGHT, Speed};
 use capture::publisher::Publisher;
 use capture::source::{Source, Stamps};
 use clap::Parser;
 use shm_layout::services::{Domain, Place};
-use shm_layout::stop::{LOOK_EVERY, Stop};
+use shm_layout::stop::Stop;
 use shm_layout::{Camera, N_STRIPS_RANGE};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
 
 /// Publishes the frames of one camera into shared memory.
 #[derive(Debug, Parser)]
@@ -62,23 +62,27 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     let member = Domain::new(&flags.court, Place::Board(flags.camera))?.join("capture")?;
     let mut in_flight = InFlight::new(&member.candidates()?, flags.workers)?;
     let mut publisher = Publisher::new(&member, flags.camera, source.size_px())?.on_own_clock();
-    publisher.wait_for_readers(flags.workers as usize, flags.wait_for_bridge, stop)?;
+    let mut orders = Orders::new(&member, stop)?;
+    let n_workers = flags.workers as usize;
+    publisher.wait_for_readers(n_workers, flags.wait_for_bridge, || orders.look())?;
 
     let stamps_ns = source.stamps_ns().to_vec();
-    let begun = Instant::now();
+    let begun = orders.now();
     let mut n_missed = 0_usize;
     for (idx, &exposed_ns) in stamps_ns.iter().enumerate() {
         match flags.speed {
-            Speed::Max => in_flight.wait_until_at_most(MAX_IN_FLIGHT - 1, stop)?,
+            Speed::Max => {
+                in_flight.wait_until_at_most(MAX_IN_FLIGHT - 1, || orders.look())?;
+                orders.wait_while_paused()?;
+            }
             Speed::Real => {
-                wait_until(pace::due_at(begun, stamps_ns[0], exposed_ns), stop)?;
+                orders.wait_until(pace::due_at(begun, stamps_ns[0], exposed_ns))?;
                 in_flight.take_progress()?;
             }
         }
         let is_last = idx + 1 == stamps_ns.len();
         let published = publisher.publish(exposed_ns, is_last, |luma| source.read_into(luma))?;
         in_flight.add(published.frame_idx);
-        let n_workers = flags.workers as usize;
         if published.n_reached < n_workers {
             n_missed += 1;
             if flags.speed == Speed::Max {
@@ -88,8 +92,8 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         }
     }
     // What was published goes with its publisher: stay until the workers have done with it.
-    in_flight.wait_until_at_most(0, stop)?;
-    let elapsed_s = begun.elapsed().as_secs_f64();
+    in_flight.wait_until_at_most(0, || orders.look())?;
+    let elapsed_s = (orders.now() - begun).as_secs_f64();
     tracing::info!(n_frames = stamps_ns.len(), n_missed, elapsed_s, "recording published");
     Ok(())
 }
@@ -108,19 +112,6 @@ fn source_of(flags: &Flags) -> anyhow::Result<Source> {
         (None, Some(directory)) => Source::from_pictures(directory, &stamps(None)?)?,
         _ => anyhow::bail!("expected --recording FILE or --pictures DIR"),
     })
-}
-
-fn wait_until(due: Instant, stop: &Stop) -> Result<(), Error> {
-    loop {
-        if stop.is_raised() {
-            return Err(Error::Stopped);
-        }
-        let left = due.saturating_duration_since(Instant::now());
-        if left.is_zero() {
-            return Ok(());
-        }
-        std::thread::sleep(left.min(LOOK_EVERY));
-    }
 }
 
 fn frame_rate_from_text(text: &str) -> Result<f64, String> {

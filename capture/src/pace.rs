@@ -8,7 +8,6 @@
 use crate::Error;
 use shm_layout::ports::{Alarm, MessageReader, MessageService};
 use shm_layout::services::FRAMES;
-use shm_layout::stop::Stop;
 use shm_layout::{StampNs, StripCandidates};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -62,20 +61,22 @@ impl InFlight {
         self.unfinished.push_back((frame_idx, 0));
     }
 
-    /// Waits until at most `n_left` frames are unfinished.
+    /// Waits until at most `n_left` frames are unfinished; `look` is called at least every 50 ms.
     ///
     /// # Errors
-    /// [`Error::WorkersStuck`] when nothing was finished for 10 s, [`Error::Stopped`].
-    pub fn wait_until_at_most(&mut self, n_left: usize, stop: &Stop) -> Result<(), Error> {
+    /// [`Error::WorkersStuck`] when nothing was finished for 10 s, what `look` returns.
+    pub fn wait_until_at_most(
+        &mut self,
+        n_left: usize,
+        mut look: impl FnMut() -> Result<(), Error>,
+    ) -> Result<(), Error> {
         self.progress_at = Instant::now();
         loop {
             self.take_progress()?;
             if self.unfinished.len() <= n_left {
                 return Ok(());
             }
-            if stop.is_raised() {
-                return Err(Error::Stopped);
-            }
+            look()?;
             if self.progress_at.elapsed() > PROGRESS_WITHIN {
                 let waited_s = PROGRESS_WITHIN.as_secs();
                 let frame_idx = self.unfinished.front().map_or(0, |&(idx, _)| idx);

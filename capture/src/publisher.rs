@@ -6,7 +6,6 @@ use crate::Error;
 use shm_layout::ports::{FrameService, FrameWriter, MessageService, MessageWriter};
 use shm_layout::services::{self, Member};
 use shm_layout::stamp::{OWN_CLOCK, now_ns};
-use shm_layout::stop::Stop;
 use shm_layout::{Camera, FrameInfo, StampNs};
 use std::time::{Duration, Instant};
 
@@ -73,15 +72,16 @@ impl Publisher {
         Self { clock_sigma_ns: OWN_CLOCK, ..self }
     }
 
-    /// Waits until `n_workers` read the frames and, with `with_bridge`, somebody reads the infos.
+    /// Waits until `n_workers` read the frames and, with `with_bridge`, somebody reads the infos;
+    /// `look` is called every few milliseconds.
     ///
     /// # Errors
-    /// [`Error::NobodyListens`] after 20 s, [`Error::Stopped`].
+    /// [`Error::NobodyListens`] after 20 s, what `look` returns.
     pub fn wait_for_readers(
         &self,
         n_workers: usize,
         with_bridge: bool,
-        stop: &Stop,
+        mut look: impl FnMut() -> Result<(), Error>,
     ) -> Result<(), Error> {
         let begun = Instant::now();
         loop {
@@ -90,9 +90,7 @@ impl Publisher {
             if n_workers_here >= n_workers && is_bridge_here {
                 return Ok(());
             }
-            if stop.is_raised() {
-                return Err(Error::Stopped);
-            }
+            look()?;
             if begun.elapsed() > READERS_WITHIN {
                 return Err(Error::NobodyListens {
                     waited_s: READERS_WITHIN.as_secs(),

@@ -1,14 +1,15 @@
 //! Room 0: what two processes must agree on. Plain `repr(C)` data and the one table of services.
 //!
 //! Read in this order: [`stamp`] (which camera, when), [`frame`], [`candidates`], [`link`],
-//! [`taken`], [`shot`] — the messages in the order of the chain — and [`text`], then [`services`],
-//! which holds the table and is the only place where a service is opened, and [`stop`], the one way
-//! a process of this house ends.
+//! [`taken`], [`shot`] — the messages in the order of the chain — [`text`] and [`commands`], what a
+//! board is told to do; then [`services`], which holds the table and is the only place where a
+//! service is opened, and [`stop`], the one way a process of this house ends.
 //!
 //! Deliberately absent: anything that looks into a message, and unsafe code.
 #![forbid(unsafe_code)]
 
 pub mod candidates;
+pub mod commands;
 pub mod frame;
 pub mod link;
 pub mod ports;

@@ -4,6 +4,7 @@
 //! machine (`fusion`). Every file of a domain in shared memory begins with its name, so courts,
 //! boards and tests that run at the same time never meet.
 
+use crate::commands::{self, Command, CommandService};
 use crate::ports::{FrameService, MessageService};
 use crate::text::{MAX_TEXT_BYTES, TextService};
 use crate::{Camera, FrameInfo, Link, MAX_SIDE_PX, MAX_STRIPS, Shot, StripCandidates, Taken};
@@ -109,6 +110,19 @@ pub const LINKS: Row = Row {
     held: 1,
 };
 
+/// What a board is to do: requests of its bridge (and of one who measures), answered by capture and
+/// the workers.
+pub const COMMANDS: Row = Row {
+    name: "commands",
+    message: "Command and Answer",
+    bytes: size_of::<Command>(),
+    rate_hz: 1,
+    writers: 2,
+    readers: MAX_STRIPS as usize + 1,
+    depth: commands::DEPTH,
+    held: 1,
+};
+
 /// How far fusion has come, for a replay. Only the newest counts.
 pub const TAKEN: Row = Row {
     name: "taken",
@@ -121,8 +135,10 @@ pub const TAKEN: Row = Row {
     held: 1,
 };
 
-/// All services. `frames` is on boards only; `links`, `taken` and shots beside fusion only.
-pub const TABLE: [Row; 7] = [FRAMES, FRAMES_INFO, CANDIDATES, LINKS, TAKEN, SHOTS, SHOTS_JSON];
+/// All services. `frames` and `commands` are on boards only; `links`, `taken` and shots beside
+/// fusion only.
+pub const TABLE: [Row; 8] =
+    [FRAMES, FRAMES_INFO, CANDIDATES, COMMANDS, LINKS, TAKEN, SHOTS, SHOTS_JSON];
 
 /// Most processes in one domain.
 pub(crate) const MAX_NODES: usize = 24;
@@ -311,6 +327,14 @@ impl Member {
     /// When the service cannot be opened.
     pub fn candidates(&self) -> Result<MessageService<StripCandidates>, Error> {
         MessageService::open(&self.node, &name_of(CANDIDATES)?, CANDIDATES)
+    }
+
+    /// What the board is to do.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn commands(&self) -> Result<CommandService, Error> {
+        CommandService::open(&self.node, &name_of(COMMANDS)?, COMMANDS)
     }
 
     /// The measured shots.

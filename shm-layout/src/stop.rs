@@ -56,6 +56,11 @@ impl Stop {
         }
     }
 
+    /// Asks the process to end, as a signal does: it was told to by a command.
+    pub fn raise(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
     /// True once the process was asked to end.
     #[must_use]
     pub fn is_raised(&self) -> bool {

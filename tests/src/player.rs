@@ -71,7 +71,10 @@ impl<'a> Programme<'a> {
             boards.push((side, renderer, publisher, member));
         }
         for (_, _, publisher, _) in &boards {
-            publisher.wait_for_readers(n_workers, true, stop)?;
+            publisher.wait_for_readers(n_workers, true, || match stop.is_raised() {
+                true => Err(Error::Stopped),
+                false => Ok(()),
+            })?;
         }
         let last_idx = self.last_frame_idx();
         let begun = Instant::now();

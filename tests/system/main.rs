@@ -6,6 +6,7 @@
 
 mod accuracy; // what a shot is measured as, against its truth
 mod chessboard; // pictures of a board become a rig
+mod commands; // what boards are told to do
 mod court; // pictures of a court's lines become a rig
 mod hosts; // hosts of one network, and how bad it is
 mod labelling; // a person's labels, over HTTP, in the file

@@ -1,6 +1,7 @@
 //! `worker`: frames of one camera in, the candidates of one strip out.
 
 use clap::Parser;
+use shm_layout::commands::{CommandServer, Kind, Outcome};
 use shm_layout::services::{Domain, Place};
 use shm_layout::stamp::now_ns;
 use shm_layout::stop::Stop;
@@ -80,22 +81,31 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     let name = format!("worker-{}", flags.strip);
     let member = Domain::new(&flags.court, Place::Board(flags.camera))?.join(&name)?;
     let candidates = member.candidates()?.writer()?;
+    // Before frames are read: once they flow, commands are answered.
+    let commands = member.commands()?.server()?;
     let service = member.frames()?;
     let (frames, alarm) = (service.reader()?, service.alarm()?);
 
     let mut current: Option<(FrameInfo, Worker)> = None;
+    let mut forget_at = None;
     while !stop.is_raised() {
+        obey(&commands, &mut forget_at, stop)?;
         while let Some(frame) = frames.receive()? {
+            obey(&commands, &mut forget_at, stop)?;
             let started_ns = now_ns();
             let info = *frame.user_header();
             if !info_fits(&info, frame.payload().len()) {
                 tracing::warn!(?info, n_bytes = frame.payload().len(), "frame refused");
                 continue;
             }
+            if forget_at.is_some_and(|first_idx| info.frame_idx >= first_idx) {
+                (current, forget_at) = (None, None);
+            }
             let worker = match &mut current {
                 Some((before, worker)) if is_same_recording(before, &info) => worker,
                 slot => {
-                    // Another camera mode or run: its background is not ours.
+                    // Another camera mode or run: its background is not ours, nor its numbers.
+                    forget_at = None;
                     let strip = Strip::new(flags.strip, flags.of, (info.width_px, info.height_px));
                     &mut slot.insert((info, Worker::new(strip, &settings))).1
                 }
@@ -110,6 +120,29 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
             candidates.send(message)?;
         }
         alarm.wait()?;
+    }
+    Ok(())
+}
+
+/// Answers the commands that wait. `forget_at` becomes the frame at which the background is to be
+/// forgotten.
+fn obey(commands: &CommandServer, forget_at: &mut Option<u64>, stop: &Stop) -> anyhow::Result<()> {
+    while let Some(asked) = commands.receive()? {
+        let command = asked.command();
+        match command.kind() {
+            Some(Kind::LearnBackground) => {
+                *forget_at = Some(command.from_frame_idx);
+                asked.answer(Outcome::Done, "the background is learned anew")?;
+            }
+            Some(Kind::Shutdown) => {
+                stop.raise();
+                asked.answer(Outcome::Done, "a worker ends")?;
+            }
+            Some(Kind::Start | Kind::Stop | Kind::SetCamera) => {
+                asked.answer(Outcome::NotMine, "")?;
+            }
+            None => asked.answer(Outcome::Refused, "this worker does not know the command")?,
+        }
     }
     Ok(())
 }

@@ -10,6 +10,7 @@ mod wire;
 use libfuzzer_sys::fuzz_target;
 use wire::batch::{Batch, MAX_MESSAGES, batch_from_bytes, bytes_from_batch};
 use wire::clock::{Ping, Pong};
+use wire::command::{Answer, Command, Health};
 use wire::missing::Missing;
 
 fuzz_target!(|data: &[u8]| {
@@ -28,6 +29,18 @@ fuzz_target!(|data: &[u8]| {
         }
         if let Ok(asked) = Missing::from_bytes(bytes) {
             assert_eq!(Missing::from_bytes(&asked.to_bytes()), Ok(asked));
+        }
+        if let Ok(command) = Command::from_bytes(bytes) {
+            assert_eq!(Command::from_bytes(&command.to_bytes()), Ok(command));
+        }
+        // By their bytes, too.
+        if let Ok(answer) = Answer::from_bytes(bytes) {
+            let sent = answer.to_bytes();
+            assert_eq!(Answer::from_bytes(&sent).map(|again| again.to_bytes()), Ok(sent));
+        }
+        if let Ok(health) = Health::from_bytes(bytes) {
+            let sent = health.to_bytes();
+            assert_eq!(Health::from_bytes(&sent).map(|again| again.to_bytes()), Ok(sent));
         }
     }
 });

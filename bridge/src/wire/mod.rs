@@ -1,5 +1,5 @@
 //! Messages ↔ bytes: [`batch`] is what a board sees, [`clock`] a question about its time and the
-//! answer, [`missing`] what is asked for again.
+//! answer, [`missing`] what is asked for again, [`command`] what a board is told to do.
 //!
 //! ```text
 //!   0        2
@@ -15,13 +15,14 @@
 
 pub mod batch;
 pub mod clock;
+pub mod command;
 pub mod missing;
 
 use bincode::{Decode, Encode};
 
 /// Version of this folder's layouts; the two ends must agree. It is part of the key by which each
 /// end says that it is there, and stands before every payload.
-pub const VERSION: u16 = 4;
+pub const VERSION: u16 = 5;
 
 /// What a board sends without being asked, each with its own numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -1,0 +1,94 @@
+//! Who may command a board, with real sessions over TLS on loopback: a commander, a board, and
+//! fusion between them.
+
+use bridge::command::commander::{Failure, ask};
+use bridge::command::seen::Seen;
+use bridge::command::{self, Serving, Setting};
+use bridge::keys;
+use bridge::pairing::authority::Authority;
+use bridge::pairing::bundle::Bundle;
+use bridge::session::{self, Options, Role};
+use bridge::wire::command::{Answer, Command};
+use shm_layout::Camera;
+use shm_layout::services::{Domain, Place};
+use shm_layout::stop::Stop;
+use std::net::TcpListener;
+use std::sync::Arc;
+use zenoh::{Session, Wait};
+
+const LEFT: Role = Role::Board(Camera::Left);
+
+struct Court {
+    name: String,
+    folder: tempfile::TempDir,
+    authority: Authority,
+    endpoint: String,
+}
+
+impl Court {
+    fn new(what: &str) -> Self {
+        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        Self {
+            name: format!("{what}-{}", std::process::id()),
+            folder: tempfile::tempdir().unwrap(),
+            authority: Authority::new().unwrap(),
+            endpoint: format!("tls/127.0.0.1:{port}"),
+        }
+    }
+
+    /// A session with the keys of its role.
+    fn session(&self, role: Role) -> Session {
+        let identity = self.authority.identity(&format!("{}/{}", self.name, role.name()), role);
+        let folder = self.folder.path().join(format!("{role:?}"));
+        let authority_pem = self.authority.certificate_pem.clone();
+        let court = self.name.clone();
+        let bundle = Bundle { court, role, identity: identity.unwrap(), authority_pem };
+        bundle.unpack(&folder).unwrap();
+        let mut options = Options { keys: Some(folder), ..Options::new(&self.name, role) };
+        match role {
+            Role::Fusion => options.listen.push(self.endpoint.clone()),
+            _ => options.connect.push(self.endpoint.clone()),
+        }
+        session::open(&options).unwrap()
+    }
+
+    fn serve(&self, session: &Session) -> (Serving, impl Sized) {
+        let setting = Setting {
+            court: self.name.clone(),
+            camera: Camera::Left,
+            recordings: self.folder.path().join("recordings"),
+            seen: Arc::new(Seen::default()),
+        };
+        let serving = command::serve(session, setting, Stop::on_signals(false).unwrap()).unwrap();
+        let token = keys::alive(&self.name, Place::Board(Camera::Left)).unwrap();
+        (serving, session.liveliness().declare_token(token).wait().unwrap())
+    }
+}
+
+#[test]
+fn a_commander_beside_fusion_is_answered_and_another_board_is_not_heard() {
+    let court = Court::new("commanding");
+    let (_fusion, board) = (court.session(Role::Fusion), court.session(LEFT));
+    let (serving, token) = court.serve(&board);
+    let commander = court.session(Role::Commander);
+    let answer = ask(&commander, &court.name, Camera::Left, &Command::Health).unwrap();
+    assert!(matches!(answer, Answer::Health(health) if health.n_frames == 0));
+    let refused = |command| match ask(&commander, &court.name, Camera::Left, &command) {
+        Err(Failure::Refused(why)) => why,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(refused(Command::Stop), "no capture runs on this board");
+    assert_eq!(refused(Command::LearnBackground), "no worker runs on this board");
+    assert!(refused(Command::Record { seconds: 5 }).contains("no frame has come yet"));
+    assert!(refused(Command::Record { seconds: 601 }).contains("1 to 600 s"));
+    assert!(refused(Command::Image).contains("no frame came within"));
+    let absent = ask(&commander, &court.name, Camera::Right, &Command::Health);
+    assert!(matches!(absent, Err(Failure::NotThere)), "{absent:?}");
+
+    let other = court.session(Role::Board(Camera::Right));
+    let unheard = ask(&other, &court.name, Camera::Left, &Command::Shutdown);
+    assert!(!matches!(unheard, Ok(_) | Err(Failure::Refused(_))), "{unheard:?}");
+    assert!(ask(&commander, &court.name, Camera::Left, &Command::Health).is_ok());
+    drop((serving, token));
+    Domain::new(&court.name, Place::Board(Camera::Left)).unwrap().close().unwrap();
+}
