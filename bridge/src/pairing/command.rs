@@ -125,8 +125,8 @@ impl Issuing {
         bundle(&authority, court, role, subject)?.write(&path)?;
         let path = path.display();
         told += &format!(
-            "{path} holds the keys of {subject}/{name}: carry it there (scp, USB stick), say there: \
-             scripts/pair take {path}, and delete it here"
+            "{path} holds the keys of {subject}/{name}: carry it there (scp, USB stick), say \
+             there: scripts/pair take {path}, and delete it here"
         );
         Ok(told)
     }
