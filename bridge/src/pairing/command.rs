@@ -52,7 +52,7 @@ pub enum Pair {
     Take {
         /// The file.
         file: PathBuf,
-        /// Folder for the keys [default: ~/.config/tennis/<court>].
+        /// Folder for the keys [default: ~/.config/tennis/COURT].
         #[arg(long, value_name = "DIR")]
         keys: Option<PathBuf>,
     },
@@ -64,10 +64,10 @@ pub struct Issuing {
     /// The club whose authority signs; this is run where that is, beside the club's router.
     #[arg(long)]
     club: Option<String>,
-    /// Folder of the authority [default: ~/.config/tennis/<court or club>].
+    /// Folder of the authority [default: ~/.config/tennis/COURT, or CLUB].
     #[arg(long, value_name = "DIR")]
     keys: Option<PathBuf>,
-    /// Where the file to carry is written [default: <court>-<role>.pair here].
+    /// Where the file to carry is written [default: COURT-ROLE.pair here].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
