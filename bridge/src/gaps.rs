@@ -2,8 +2,8 @@
 //!
 //! A batch is passed on when all before it were passed on or are lost. What is missing is told
 //! ([`Order::missing`]) and comes later as any other batch does. Missing ones are lost when the
-//! board says that it no longer has them ([`Order::note_oldest`]), when it begins anew, or when more
-//! than [`MAX_HELD`] batches wait for them.
+//! board says that it no longer has them ([`Order::note_oldest`]), when it begins anew, or when
+//! more than [`MAX_HELD`] batches wait for them.
 
 use crate::wire::batch::Batch;
 use crate::wire::missing::MAX_ASKED;

@@ -7,7 +7,7 @@
 
 use crate::Error;
 use shm_layout::ports::{Alarm, MessageReader, MessageService};
-use shm_layout::services::FRAMES;
+use shm_layout::table::FRAMES;
 use shm_layout::{StampNs, StripCandidates};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};

@@ -7,7 +7,8 @@
 //! killed is counted until somebody removes it (so nobody waits longer than told); a request must
 //! not be obeyed after the asker gave up (then it is not delivered at all: no fire and forget).
 
-use crate::services::{Error, MAX_NODES, Row, refused};
+use crate::services::{Error, MAX_NODES, refused};
+use crate::table::Row;
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::port::{client::Client, server::Server};
 use iceoryx2::prelude::{BackpressureStrategy, Node, ServiceName, ZeroCopySend, ipc};
@@ -111,7 +112,8 @@ impl Answer {
     /// An answer with its reason.
     #[must_use]
     pub fn new(outcome: Outcome, reason: &str) -> Self {
-        let n_bytes = reason.floor_char_boundary(MAX_REASON_BYTES);
+        let ends = reason.char_indices().map(|(at, c)| at + c.len_utf8());
+        let n_bytes = ends.take_while(|end| *end <= MAX_REASON_BYTES).last().unwrap_or(0);
         let mut bytes = [0; MAX_REASON_BYTES];
         bytes[..n_bytes].copy_from_slice(&reason.as_bytes()[..n_bytes]);
         Self { outcome_idx: outcome as u32, n_reason_bytes: n_bytes as u32, reason: bytes }

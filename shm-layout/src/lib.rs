@@ -2,8 +2,8 @@
 //!
 //! Read in this order: [`stamp`] (which camera, when), [`frame`], [`candidates`], [`link`],
 //! [`taken`], [`shot`] — the messages in the order of the chain — [`text`] and [`commands`], what a
-//! board is told to do; then [`services`], which holds the table and is the only place where a
-//! service is opened, and [`stop`], the one way a process of this house ends.
+//! board is told to do; then the [`table`] of services and [`services`], the only place where one
+//! is opened, and [`stop`], the one way a process of this house ends.
 //!
 //! Deliberately absent: anything that looks into a message, and unsafe code.
 #![forbid(unsafe_code)]
@@ -17,6 +17,7 @@ pub mod services;
 pub mod shot;
 pub mod stamp;
 pub mod stop;
+pub mod table;
 pub mod taken;
 pub mod text;
 

@@ -4,7 +4,8 @@
 //! Samples are read in place: a [`Sample`] maps the writer's memory read-only and holds it until
 //! dropped. Everything here is one call to iceoryx2 with its settings from the table.
 
-use crate::services::{Error, MAX_NODES, Row, refused};
+use crate::services::{Error, MAX_NODES, refused};
+use crate::table::Row;
 use crate::{FrameInfo, stop::LOOK_EVERY};
 use iceoryx2::port::{
     listener::{Listener, ListenerWaitError},

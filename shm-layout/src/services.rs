@@ -1,144 +1,21 @@
-//! The one table of services, and the only place where one is opened.
+//! The only place where a service of the [`table`](crate::table) is opened.
 //!
 //! A *domain* is one place of one court: a board (`left`, `right`) or the computer beside the
 //! machine (`fusion`). Every file of a domain in shared memory begins with its name, so courts,
 //! boards and tests that run at the same time never meet.
 
-use crate::commands::{self, Command, CommandService};
+use crate::commands::CommandService;
 use crate::ports::{FrameService, MessageService};
-use crate::text::{MAX_TEXT_BYTES, TextService};
-use crate::{Camera, FrameInfo, Link, MAX_SIDE_PX, MAX_STRIPS, Shot, StripCandidates, Taken};
+use crate::table::{
+    CANDIDATES, COMMANDS, FRAMES, FRAMES_INFO, LINKS, Row, SHOTS, SHOTS_JSON, TAKEN,
+};
+use crate::text::TextService;
+use crate::{Camera, FrameInfo, Link, MAX_SIDE_PX, Shot, StripCandidates, Taken};
 use iceoryx2::prelude::{
     CallbackProgression, Config, FileName, LogLevel, Node, NodeBuilder, NodeName, NodeState, Path,
     SemanticString, ServiceName, SignalHandlingMode, ipc, set_log_level,
 };
 use std::fmt;
-
-/// One line of the table.
-#[derive(Debug, Clone, Copy)]
-pub struct Row {
-    /// Name within a domain. Beside fusion both cameras' messages share a service.
-    pub name: &'static str,
-    /// Type of a message.
-    pub message: &'static str,
-    /// Bytes of a message (of the header, where pixels follow).
-    pub bytes: usize,
-    /// Messages per second at 90 frames/s, for planning.
-    pub rate_hz: usize,
-    /// Most processes that write.
-    pub writers: usize,
-    /// Most processes that read.
-    pub readers: usize,
-    /// Messages kept for a reader that is behind. In every service the oldest is overwritten then:
-    /// a writer never waits, and the reader sees the gap in the numbers.
-    pub depth: usize,
-    /// Messages a reader may hold at once.
-    pub held: usize,
-}
-
-/// Pixels: depth 4 is 44 ms at 90 frames/s; a worker further behind than that is better off with
-/// the newest frames. Readers: the workers, a preview and a recorder.
-pub const FRAMES: Row = Row {
-    name: "frames",
-    message: "[u8] with FrameInfo",
-    bytes: size_of::<FrameInfo>(),
-    rate_hz: 90,
-    writers: 1,
-    readers: MAX_STRIPS as usize + 2,
-    depth: 4,
-    held: 1,
-};
-
-/// Every captured frame without its pixels, so that a lost one is known to be lost.
-pub const FRAMES_INFO: Row = Row {
-    name: "frames-info",
-    message: "FrameInfo",
-    bytes: size_of::<FrameInfo>(),
-    rate_hz: 90,
-    writers: 1,
-    readers: 4,
-    depth: 1024,
-    held: 1,
-};
-
-/// What workers found. Depth: 1.4 s with eight workers. Readers: bridge or fusion, capture (which
-/// paces a recording by it), a listener that measures.
-pub const CANDIDATES: Row = Row {
-    name: "candidates",
-    message: "StripCandidates",
-    bytes: size_of::<StripCandidates>(),
-    rate_hz: 90 * MAX_STRIPS as usize,
-    writers: MAX_STRIPS as usize,
-    readers: 4,
-    depth: 1024,
-    held: 1,
-};
-
-/// What fusion measured, for the controller, the page and the recorder.
-pub const SHOTS: Row = Row {
-    name: "shots",
-    message: "Shot",
-    bytes: size_of::<Shot>(),
-    rate_hz: 1,
-    writers: 1,
-    readers: 8,
-    depth: 64,
-    held: 1,
-};
-
-/// The same shots as "shots/1" JSON, one a text: for the network and the recorder.
-pub const SHOTS_JSON: Row = Row {
-    name: "shots-json",
-    message: "text",
-    bytes: MAX_TEXT_BYTES,
-    rate_hz: 1,
-    writers: 1,
-    readers: 4,
-    depth: 16,
-    held: 1,
-};
-
-/// How each board's link is, twice a second and whenever it changes.
-pub const LINKS: Row = Row {
-    name: "links",
-    message: "Link",
-    bytes: size_of::<Link>(),
-    rate_hz: 4,
-    writers: 1,
-    readers: 8,
-    depth: 64,
-    held: 1,
-};
-
-/// What a board is to do: requests of its bridge (and of one who measures), answered by capture and
-/// the workers.
-pub const COMMANDS: Row = Row {
-    name: "commands",
-    message: "Command and Answer",
-    bytes: size_of::<Command>(),
-    rate_hz: 1,
-    writers: 2,
-    readers: MAX_STRIPS as usize + 1,
-    depth: commands::DEPTH,
-    held: 1,
-};
-
-/// How far fusion has come, for a replay. Only the newest counts.
-pub const TAKEN: Row = Row {
-    name: "taken",
-    message: "Taken",
-    bytes: size_of::<Taken>(),
-    rate_hz: 180,
-    writers: 1,
-    readers: 4,
-    depth: 16,
-    held: 1,
-};
-
-/// All services. `frames` and `commands` are on boards only; `links`, `taken` and shots beside
-/// fusion only.
-pub const TABLE: [Row; 8] =
-    [FRAMES, FRAMES_INFO, CANDIDATES, COMMANDS, LINKS, TAKEN, SHOTS, SHOTS_JSON];
 
 /// Most processes in one domain.
 pub(crate) const MAX_NODES: usize = 24;

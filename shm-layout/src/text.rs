@@ -1,7 +1,8 @@
 //! A service of texts: JSON that some process wrote and others pass on as it is.
 
 use crate::ports::{Alarm, alarm_of, notifier_of, wake_of};
-use crate::services::{Error, MAX_NODES, Row, refused};
+use crate::services::{Error, MAX_NODES, refused};
+use crate::table::Row;
 use iceoryx2::port::{notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
 use iceoryx2::prelude::{BackpressureStrategy, Node, ServiceName, ipc};
 use iceoryx2::service::port_factory::{event, publish_subscribe};

@@ -8,8 +8,8 @@
 //! another; [`MAX_WAITING`] may wait, the next one is told so. Every command has an answer within
 //! [`ANSWER_WITHIN`] of its arrival. Once a second the same thread publishes the board's health.
 //!
-//! The way: commander → the bridge beside fusion → board. Zenoh's peers pass messages on to and from
-//! *clients*, but not between peers, so a commander opens its session as a client.
+//! The way: commander → the bridge beside fusion → board. Zenoh's peers pass messages on to and
+//! from *clients*, but not between peers, so a commander opens its session as a client.
 
 pub mod board;
 pub mod cli;

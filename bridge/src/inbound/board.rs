@@ -224,7 +224,7 @@ fn sigma_from(estimate: &Estimate) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shm_layout::{FrameInfo, StripCandidates};
+    use shm_layout::FrameInfo;
 
     const AHEAD_NS: i64 = 5_000_000_000;
 
@@ -293,7 +293,7 @@ mod tests {
     fn a_second_board_of_the_same_camera_is_not_heard_while_the_first_is() {
         let mut board = Board::new(Camera::Left);
         know_the_clock(&mut board, 7, 0);
-        let strip = || Message::Candidates(Box::new(StripCandidates::default()));
+        let strip = || Message::Candidates(Box::default());
         let now_ns = 1_000_000_000;
         let mine = board.take_batch(Stream::Candidates, batch(7, 0, vec![strip()]), now_ns);
         let other = board.take_batch(Stream::Candidates, batch(8, 0, vec![strip()]), now_ns);

@@ -20,12 +20,15 @@
 //!
 //! *How sure it is.* The line can be moved by about one spacing of the quickest packets; rates that
 //! are as likely give other offsets; and how much longer one way takes than the other *always* can
-//! be told by no exchange of messages: it is stated as a share of the quickest round trip
-//! ([`ASYMMETRY`]). Shots find it: fusion fits the difference of the cameras' clocks to the ball.
+//! be told by no exchange of messages: it is stated as a share of the quickest round trip. Shots
+//! find it: fusion fits the difference of the cameras' clocks to the ball.
 //!
 //! Source: the four stamps of NTP (RFC 5905, section 8); the lines of Moon, Skelly and Towsley,
 //! "Estimation and removal of clock skew from network delay measurements" (INFOCOM 1999).
 
+mod lines;
+
+use lines::{Bound, Middle};
 use shm_layout::StampNs;
 use std::collections::VecDeque;
 
@@ -38,7 +41,8 @@ const MAX_EXCHANGES: usize = 1500;
 /// Exchanges before anything is told.
 const N_FIRST: usize = 8;
 
-/// 1 sigma of how far a crystal's rate is from another's: cheap ones are specified to ±30 to 50 ppm.
+/// 1 sigma of how far a crystal's rate is from another's: cheap ones are specified to ±30 to 50
+/// ppm.
 const RATE_SIGMA: f64 = 50e-6;
 
 /// What stamping costs even on an idle machine: a wake-up of a thread, to either side.
@@ -49,12 +53,6 @@ const ASYMMETRY: f64 = 0.08;
 
 /// What a crystal's rate may change within the window (temperature), as an error of the line.
 const WANDER_SIGMA_NS: f64 = 3_000.0;
-
-/// The spacing of the quickest packets is taken from so many of them.
-const N_QUICKEST: usize = 6;
-
-/// Rates that are weighed, either side of the likeliest.
-const N_RATES: i32 = 16;
 
 /// The four stamps of one exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -133,7 +131,7 @@ impl Clock {
         true
     }
 
-    /// The estimate as of the last exchange; `None` before there were [`N_FIRST`].
+    /// The estimate as of the last exchange; `None` before there were eight.
     #[must_use]
     pub fn estimate(&self) -> Option<Estimate> {
         self.estimate
@@ -151,7 +149,7 @@ impl Clock {
         let pongs = self.exchanges.iter().map(|e| point(e.answered_ns, e.returned_ns));
         let pings = Bound::below(pings);
         let pongs = Bound::below(pongs.map(|[since_s, offset_ns]| [since_s, -offset_ns]));
-        let middle = Middle::between(&pings, &pongs, RATE_SIGMA * 1e9);
+        let middle = Middle::between(&pings, &pongs, RATE_SIGMA * 1e9, STAMP_SIGMA_NS);
         let asymmetry_ns = ASYMMETRY * middle.round_trip_ns;
         let sigma_ns = [STAMP_SIGMA_NS, WANDER_SIGMA_NS, asymmetry_ns]
             .into_iter()
@@ -164,126 +162,6 @@ impl Clock {
             round_trip_ns: middle.round_trip_ns.round() as i64,
         }
     }
-}
-
-/// Points `[s, ns]` in the order of time, which lie on and above a line of unknown height.
-struct Bound {
-    points: Vec<[f64; 2]>,
-    hull: Vec<[f64; 2]>,
-}
-
-impl Bound {
-    /// Keeps those that a line from below can touch: the lower convex hull (Andrew 1979).
-    fn below(points: impl Iterator<Item = [f64; 2]>) -> Self {
-        let points: Vec<[f64; 2]> = points.collect();
-        let mut hull: Vec<[f64; 2]> = Vec::new();
-        for &[x, y] in &points {
-            while let [.., [x0, y0], [x1, y1]] = hull[..]
-                && (x1 - x0) * (y - y0) <= (x - x0) * (y1 - y0)
-            {
-                hull.pop();
-            }
-            hull.push([x, y]);
-        }
-        Self { points, hull }
-    }
-
-    /// How high the line of this slope lies now, at 0 s.
-    fn height_ns(&self, slope_ns_s: f64) -> f64 {
-        let heights = self.hull.iter().map(|[x, y]| y - slope_ns_s * x);
-        heights.fold(f64::INFINITY, f64::min)
-    }
-
-    /// How far the points nearest to the line are from each other.
-    fn spacing_ns(&self, slope_ns_s: f64) -> f64 {
-        let mut heights: Vec<f64> = self.points.iter().map(|[x, y]| y - slope_ns_s * x).collect();
-        let last = N_QUICKEST.min(heights.len()) - 1;
-        let (quickest, nth, _) = heights.select_nth_unstable_by(last, f64::total_cmp);
-        let first = quickest.iter().copied().fold(*nth, f64::min);
-        (*nth - first) / f64::max(last as f64, 1.0)
-    }
-}
-
-/// What runs midway between the two lines.
-struct Middle {
-    offset_ns: f64,
-    rate_ns_s: f64,
-    sigma_ns: f64,
-    round_trip_ns: f64,
-}
-
-impl Middle {
-    /// Between pings and pongs, the latter upside down; `rate_sigma` is in ns/s.
-    fn between(pings: &Bound, pongs: &Bound, rate_sigma: f64) -> Self {
-        let apart_ns = |rate: f64| pings.height_ns(rate) + pongs.height_ns(-rate);
-        let offset_ns = |rate: f64| (pings.height_ns(rate) - pongs.height_ns(-rate)) / 2.0;
-        // The spacing depends on the rate, and which rates are likely on the spacing.
-        let mut best = 0.0;
-        let mut spacings = [0.0; 2];
-        for _ in 0..3 {
-            // Below this the sigma of a stamp is what counts.
-            let spacing = |bound: &Bound, rate| bound.spacing_ns(rate).max(STAMP_SIGMA_NS * 0.1);
-            spacings = [spacing(pings, best), spacing(pongs, -best)];
-            let unit_ns = f64::midpoint(spacings[0], spacings[1]);
-            let worth = |rate: f64| apart_ns(rate) / unit_ns - (rate / rate_sigma).powi(2) / 2.0;
-            best = highest(worth, 4.0 * rate_sigma);
-        }
-        let unit_ns = f64::midpoint(spacings[0], spacings[1]);
-        let worth = |rate: f64| apart_ns(rate) / unit_ns - (rate / rate_sigma).powi(2) / 2.0;
-        let step = step_of(&worth, best, rate_sigma);
-        let mut sums = [0.0; 4];
-        for k in -N_RATES..=N_RATES {
-            let rate = best + f64::from(k) * step;
-            let weight = (worth(rate) - worth(best)).exp();
-            let off_ns = offset_ns(rate) - offset_ns(best);
-            for (sum, term) in sums.iter_mut().zip([1.0, off_ns, off_ns * off_ns, rate - best]) {
-                *sum += weight * term;
-            }
-        }
-        let [mean, square, rate] = [sums[1], sums[2], sums[3]].map(|sum| sum / sums[0]);
-        let of_rate_ns = (square - mean * mean).max(0.0).sqrt();
-        let of_lines_ns = spacings[0].hypot(spacings[1]) / 2.0;
-        Self {
-            offset_ns: offset_ns(best) + mean,
-            rate_ns_s: best + rate,
-            sigma_ns: of_rate_ns.hypot(of_lines_ns),
-            round_trip_ns: apart_ns(best),
-        }
-    }
-}
-
-/// Where a concave function is highest within ± `limit`, by golden sections.
-fn highest(worth: impl Fn(f64) -> f64, limit: f64) -> f64 {
-    const SECTION: f64 = 0.618_033_988_749_895;
-    let (mut from, mut to) = (-limit, limit);
-    let inner = |from: f64, to: f64| [to - SECTION * (to - from), from + SECTION * (to - from)];
-    let [mut low, mut high] = inner(from, to);
-    let (mut worth_low, mut worth_high) = (worth(low), worth(high));
-    for _ in 0..36 {
-        if worth_low < worth_high {
-            (from, low, worth_low) = (low, high, worth_high);
-            high = inner(from, to)[1];
-            worth_high = worth(high);
-        } else {
-            (to, high, worth_high) = (high, low, worth_low);
-            low = inner(from, to)[0];
-            worth_low = worth(low);
-        }
-    }
-    f64::midpoint(from, to)
-}
-
-/// A step of which [`N_RATES`] reach where the worth is 8 below the best: e^-8 of its weight.
-fn step_of(worth: &impl Fn(f64) -> f64, best: f64, rate_sigma: f64) -> f64 {
-    let is_far = |reach: f64| {
-        let least = worth(best) - 8.0;
-        worth(best + reach).max(worth(best - reach)) < least
-    };
-    let mut reach = 4.0 * rate_sigma;
-    while reach > 1e-3 && is_far(reach / 2.0) {
-        reach /= 2.0;
-    }
-    reach / f64::from(N_RATES)
 }
 
 #[cfg(test)]
