@@ -31,6 +31,8 @@ pub const LEASE_MS: u64 = 1000;
 pub const OPEN_MS: u64 = 1000;
 /// Between two attempts, ms; the first pause is 20 and each one twice the last.
 pub const PAUSE_MAX_MS: u64 = 320;
+/// A commander tries for so long to connect, ms.
+const COMMANDER_WITHIN_MS: i64 = 3000;
 /// The largest message taken: a raw image of 1456x1088 with room to spare, bytes.
 pub const MAX_MESSAGE_BYTES: u64 = 4 << 20;
 
@@ -186,12 +188,17 @@ impl<'a> Plan<'a> {
             Role::Commander => "client",
             _ => "peer",
         };
+        // A client's session opens when it is connected: who commands is told when it is not.
+        let connect_within_ms = match self.options.role {
+            Role::Commander => COMMANDER_WITHIN_MS,
+            _ => -1,
+        };
         let mut settings = vec![
             ("mode", json!(mode)),
             ("listen/endpoints", json!(self.listen_endpoints())),
             ("connect/endpoints", json!(self.connect_endpoints())),
-            ("connect/timeout_ms", json!(-1)),
-            ("connect/exit_on_failure", json!(false)),
+            ("connect/timeout_ms", json!(connect_within_ms)),
+            ("connect/exit_on_failure", json!(connect_within_ms > 0)),
             (
                 "connect/retry",
                 json!({

@@ -68,7 +68,9 @@ impl Court {
 #[test]
 fn a_commander_beside_fusion_is_answered_and_another_board_is_not_heard() {
     let court = Court::new("commanding");
-    let (_fusion, board) = (court.session(Role::Fusion), court.session(LEFT));
+    let (fusion, board) = (court.session(Role::Fusion), court.session(LEFT));
+    let here = fusion.liveliness().declare_token(keys::alive(&court.name, Place::Fusion).unwrap());
+    let _here = here.wait().unwrap();
     let (serving, token) = court.serve(&board);
     let commander = court.session(Role::Commander);
     let answer = ask(&commander, &court.name, Camera::Left, &Command::Health).unwrap();

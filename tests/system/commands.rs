@@ -245,7 +245,7 @@ fn health_tells_what_was_seen(court: &Court) {
 
 fn what_cannot_be_is_refused(court: &Court) {
     court.refused(&["camera", "--exposure-us", "500"], "frames come from a recording");
-    court.refused(&["camera", "--gain", "-1"], "gain -1");
+    court.refused(&["camera", "--gain=-1"], "gain -1");
     for misused in [
         &["record", "601"][..],
         &["record", "0"],
@@ -319,7 +319,7 @@ fn a_board_that_is_not_there_or_of_another_version_is_said_so() {
             assert!(words(&output).contains(expected), "{} lacks {expected}", words(&output));
         }
     };
-    says("left", &["left: no bridge beside fusion is reached"]);
+    says("left", &["no bridge beside fusion is reached"]);
     let fusion = Reading::of(&court, Place::Fusion);
     let mut house = Household::new(&court).unwrap();
     let chain = Chain { n_workers: 1, worker_flags: vec![], endpoint: endpoint.clone() };

@@ -83,6 +83,9 @@ pub enum Error {
     /// The network cannot be had.
     #[error(transparent)]
     Bridge(#[from] crate::Error),
+    /// Nobody takes the connection.
+    #[error("{none} ({why})", none = Failure::NoFusion, why = .0)]
+    NoFusion(crate::Error),
     /// A line for each board that did not do it.
     #[error("{}", .0.join("\n"))]
     Boards(Vec<String>),
@@ -97,7 +100,10 @@ pub fn run(flags: &Flags) -> Result<(), Error> {
     command.check()?;
     let (connect, keys) = (flags.connect.clone(), flags.keys.clone());
     let options = Options { connect, keys, ..Options::new(&flags.court, Role::Commander) };
-    let session = &session::open(&options)?;
+    let session = &session::open(&options).map_err(|why| match why {
+        crate::Error::Network { .. } => Error::NoFusion(why),
+        _ => Error::Bridge(why),
+    })?;
     let cameras = flags.camera.0;
     let outcomes: Vec<Result<(), String>> = std::thread::scope(|scope| {
         let ask = |camera| scope.spawn(move || flags.ask(session, camera, &command));
