@@ -1,6 +1,8 @@
 //! Who may command a board, with real sessions over TLS on loopback: a commander, a board, and
 //! fusion between them.
 
+#![allow(clippy::unwrap_used)] // all of it is test code; the lint only knows #[test] functions
+
 use bridge::command::commander::{Failure, ask};
 use bridge::command::seen::Seen;
 use bridge::command::{self, Serving, Setting};
