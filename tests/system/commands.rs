@@ -6,10 +6,10 @@ use shm_layout::ports::MessageReader;
 use shm_layout::services::{Domain, Member, Place};
 use shm_layout::{Camera, FrameInfo, StripCandidates};
 use std::path::Path;
-use std::process::Output;
+use std::process::{Output, Stdio};
 use std::time::Duration;
 use tests::chain::Chain;
-use tests::processes::{Error, Household, free_endpoint, own_court};
+use tests::processes::{Error, Household, Until, free_endpoint, own_court};
 use zenoh::Wait as _;
 
 const WIDTH_PX: u32 = 160;
@@ -101,20 +101,30 @@ impl Reading {
     }
 }
 
+/// As a [`Chain`] does, but with a folder for recordings and a background that is learned soon.
+fn start_board(house: &mut Household, endpoint: &str, recordings: &Path) {
+    let recordings = recordings.to_str().unwrap();
+    let flags = ["board", "--camera", "left", "--connect", endpoint, "--recordings", recordings];
+    house.start("bridge left", "bridge", &flags, Until::Stopped, Stdio::null()).unwrap();
+    for strip in 0..N_WORKERS {
+        let (strip, n) = (strip.to_string(), N_WORKERS.to_string());
+        let flags = ["--camera", "left", "--strip", &strip, "--of", &n, "--learning-frames", "20"];
+        let name = format!("worker left {strip}");
+        house.start(&name, "worker", &flags, Until::Stopped, Stdio::null()).unwrap();
+    }
+}
+
 impl Court {
     fn start(folder: &Path) -> Self {
         let name = own_court("commands").unwrap();
         let endpoint = free_endpoint().unwrap();
-        let chain = Chain {
-            n_workers: N_WORKERS,
-            worker_flags: ["--learning-frames", "20"].map(Into::into).into(),
-            endpoint: endpoint.clone(),
-        };
+        let chain =
+            Chain { n_workers: N_WORKERS, worker_flags: Vec::new(), endpoint: endpoint.clone() };
         let fusion = Reading::of(&name, Place::Fusion);
         // A reader of the board's infos would be taken for the bridge: it is there first.
         let mut house = Household::new(&name).unwrap();
         chain.start_fusion_bridge(&mut house).unwrap();
-        chain.start_board(&mut house, Camera::Left).unwrap();
+        start_board(&mut house, &endpoint, &folder.join("recordings"));
         let recording = write_recording(folder);
         chain.start_capture(&mut house, Camera::Left, &recording, "real").unwrap();
         while fusion.infos.receive().unwrap().is_none() {
@@ -183,6 +193,7 @@ fn every_command_is_done_or_refused_with_the_reason() {
     the_background_is_learned_anew(&court);
     an_image_is_the_recordings_frame(&court, folder.path());
     health_tells_what_was_seen(&court);
+    a_recording_is_made(&court, folder.path());
     what_cannot_be_is_refused(&court);
     who_is_silent_or_dead_is_said_so(&mut court);
     all_of_the_board_ends(court);
@@ -241,6 +252,19 @@ fn health_tells_what_was_seen(court: &Court) {
     assert!(number("n_ring_bytes") > 0.0 && number("free_disk_bytes") > 0.0, "{text}");
     assert!(number("uptime_s") > 1.0 && health["is_recording"] == false, "{text}");
     println!("{}", court.done(&["health"]).trim());
+}
+
+fn a_recording_is_made(court: &Court, folder: &Path) {
+    let text = court.done(&["record", "1"]);
+    court.refused(&["record", "1"], "is being recorded already");
+    while court.done(&["health", "--json"]).contains("\"is_recording\":true") {}
+    let path = text.split(' ').nth(1).unwrap();
+    assert!(Path::new(path).starts_with(folder.join("recordings")), "{text}");
+    let bytes = std::fs::read(path).unwrap();
+    let magic = b"\x89MCAP0\r\n";
+    assert!(bytes.starts_with(magic) && bytes.ends_with(magic), "it was ended");
+    let n_frame_bytes = luma_of(0).len();
+    assert!(bytes.len() > 10 * n_frame_bytes, "{} bytes", bytes.len());
 }
 
 fn what_cannot_be_is_refused(court: &Court) {

@@ -11,6 +11,7 @@ use libfuzzer_sys::fuzz_target;
 use wire::batch::{Batch, MAX_MESSAGES, batch_from_bytes, bytes_from_batch};
 use wire::clock::{Ping, Pong};
 use wire::command::{Answer, Command, Health};
+use wire::command::{Answer, Command, Health};
 use wire::missing::Missing;
 
 fuzz_target!(|data: &[u8]| {
@@ -26,6 +27,18 @@ fuzz_target!(|data: &[u8]| {
         }
         if let Ok(pong) = Pong::from_bytes(bytes) {
             assert_eq!(Pong::from_bytes(&pong.to_bytes()), Ok(pong));
+        }
+        if let Ok(command) = Command::from_bytes(bytes) {
+            let again = Command::from_bytes(&command.to_bytes()).expect("what was sent can be read");
+            assert_eq!(again.to_bytes(), command.to_bytes());
+        }
+        if let Ok(answer) = Answer::from_bytes(bytes) {
+            let again = Answer::from_bytes(&answer.to_bytes()).expect("what was sent can be read");
+            assert_eq!(again.to_bytes(), answer.to_bytes());
+        }
+        if let Ok(health) = Health::from_bytes(bytes) {
+            let again = Health::from_bytes(&health.to_bytes()).expect("what was sent can be read");
+            assert_eq!(again.to_bytes(), health.to_bytes());
         }
         if let Ok(asked) = Missing::from_bytes(bytes) {
             assert_eq!(Missing::from_bytes(&asked.to_bytes()), Ok(asked));

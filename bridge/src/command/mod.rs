@@ -5,8 +5,8 @@
 //! questions are taken and answered. [`commander`] is the asking end, [`cli`] its command line.
 //!
 //! Commands have a thread of their own, so that data never waits for one. They are done one after
-//! another; [`MAX_WAITING`] may wait, the next one is told so. Every command has an answer within
-//! [`ANSWER_WITHIN`] of its arrival. Once a second the same thread publishes the board's health.
+//! another, and every one has an answer within [`ANSWER_WITHIN`] of its arrival: one whose turn
+//! comes too late is told to ask again. Once a second the same thread publishes the board's health.
 //!
 //! The way: commander → the bridge beside fusion → board. Zenoh's peers pass messages on to and
 //! from *clients*, but not between peers, so a commander opens its session as a client.
@@ -22,7 +22,7 @@ use crate::keys;
 use crate::wire::command::{Answer, Command};
 use crate::{Error, network};
 use board::Board;
-use crossbeam::channel::{Receiver, RecvTimeoutError, TrySendError, bounded};
+use crossbeam::channel::{Receiver, RecvTimeoutError, bounded};
 use seen::Seen;
 use shm_layout::stop::Stop;
 use shm_layout::{Camera, services};
@@ -43,8 +43,8 @@ pub const ANSWER_WITHIN: Duration = Duration::from_millis(1900);
 /// [`ANSWER_WITHIN`].
 const WORK_WITHIN: Duration = Duration::from_millis(800);
 
-/// Commands that may wait while one is done.
-const MAX_WAITING: usize = 1;
+/// Commands that may wait while one is done; more than that is no person.
+const MAX_WAITING: usize = 16;
 
 /// How often health is published.
 const HEALTH_EVERY: Duration = Duration::from_secs(1);
@@ -184,10 +184,9 @@ pub fn serve(session: &Session, setting: Setting, stop: Stop) -> Result<Serving,
     let queryable = session
         .declare_queryable(keys::of_board(&court, camera, "command")?)
         .callback(move |query| {
-            if let Err(TrySendError::Full((query, _)) | TrySendError::Disconnected((query, _))) =
-                to_thread.try_send((query, Instant::now()))
-            {
-                reply(&query, Err(Refused::Busy.to_string()));
+            // Not answered here: this is Zenoh's only thread, and an answer may wait for it.
+            if to_thread.try_send((query, Instant::now())).is_err() {
+                tracing::warn!("too many commands wait: one is left out");
             }
         })
         .wait()

@@ -101,8 +101,8 @@ impl Recorder {
             format!("{}-{}-{}.mcap", stamp_from_unix(now.tv_sec), wanted.court, wanted.camera);
         let path = self.folder.join(name);
         let child = Command::new(&self.binary)
-            .args(["--court", wanted.court, "--place", wanted.camera.name(), "--frames"])
-            .args(["--seconds", &wanted.seconds.to_string(), "--out"])
+            .args(["--court", wanted.court, "--place", wanted.camera.name(), "--with-parent"])
+            .args(["--frames", "--seconds", &wanted.seconds.to_string(), "--out"])
             .arg(&path)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -191,7 +191,7 @@ mod tests {
                 _ => std::thread::yield_now(),
             }
         };
-        let expected = "--court c-1 --place right --frames --seconds 2 --out";
+        let expected = "--court c-1 --place right --with-parent --frames --seconds 2 --out";
         assert_eq!(said.trim(), format!("{expected} {}", path.display()));
         assert!(matches!(recorder.start(WANTED), Err(Refused::Recording(old)) if old == path));
         assert!(recorder.is_recording());
