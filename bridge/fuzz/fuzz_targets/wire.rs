@@ -14,6 +14,8 @@ use wire::command::{Answer, Command, Health};
 use wire::command::{Answer, Command, Health};
 use wire::missing::Missing;
 
+const READ: &str = "what was sent can be read";
+
 fuzz_target!(|data: &[u8]| {
     // With the right version: else one random input in 65536 gets past the first check.
     let mut bytes = wire::VERSION.to_le_bytes().to_vec();
@@ -29,15 +31,15 @@ fuzz_target!(|data: &[u8]| {
             assert_eq!(Pong::from_bytes(&pong.to_bytes()), Ok(pong));
         }
         if let Ok(command) = Command::from_bytes(bytes) {
-            let again = Command::from_bytes(&command.to_bytes()).expect("what was sent can be read");
+            let again = Command::from_bytes(&command.to_bytes()).expect(READ);
             assert_eq!(again.to_bytes(), command.to_bytes());
         }
         if let Ok(answer) = Answer::from_bytes(bytes) {
-            let again = Answer::from_bytes(&answer.to_bytes()).expect("what was sent can be read");
+            let again = Answer::from_bytes(&answer.to_bytes()).expect(READ);
             assert_eq!(again.to_bytes(), answer.to_bytes());
         }
         if let Ok(health) = Health::from_bytes(bytes) {
-            let again = Health::from_bytes(&health.to_bytes()).expect("what was sent can be read");
+            let again = Health::from_bytes(&health.to_bytes()).expect(READ);
             assert_eq!(again.to_bytes(), health.to_bytes());
         }
         if let Ok(asked) = Missing::from_bytes(bytes) {
@@ -61,7 +63,7 @@ fuzz_target!(|data: &[u8]| {
 fn check_batch(batch: &Batch) {
     assert!(batch.messages.len() <= MAX_MESSAGES);
     let bytes = bytes_from_batch(batch);
-    let again = batch_from_bytes(&bytes).expect("what was sent can be read");
+    let again = batch_from_bytes(&bytes).expect(READ);
     // By their bytes: a NaN is not equal to itself.
     assert_eq!(bytes_from_batch(&again), bytes);
 }

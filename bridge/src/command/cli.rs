@@ -21,7 +21,7 @@ pub struct Flags {
     /// Where the bridge beside fusion listens [default: on this machine].
     #[arg(long, value_name = "ENDPOINT")]
     connect: Vec<String>,
-    /// Folder of fusion's keys [default: ~/.config/tennis/<court>, if there].
+    /// Folder of fusion's keys [default: that of the court in ~/.config/tennis, if there].
     #[arg(long, value_name = "DIR")]
     keys: Option<PathBuf>,
     #[command(subcommand)]

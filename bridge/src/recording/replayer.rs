@@ -1,7 +1,7 @@
 //! A recording → the shared memory that fusion reads.
 //!
 //! Messages are written in the order in which they were read when they were recorded, to a fusion
-//! that was started as for play. It is never more than [`MAX_AHEAD`] messages behind: no service
+//! that was started as for play. It is never more than `MAX_AHEAD` messages behind: no service
 //! makes a writer wait, so its service `taken` is looked at. When the last of a replay is taken in,
 //! the replay is over, and stopping fusion then gives the shots that were not yet decided.
 
