@@ -99,7 +99,11 @@ enum End {
 
 fn main() -> ExitCode {
     let flags = Flags::parse();
-    if let Err(why) = one_thread::ensure() {
+    let started = match flags.end {
+        End::Router { .. } => one_thread::leave(),
+        _ => one_thread::ensure(),
+    };
+    if let Err(why) = started {
         eprintln!("bridge: cannot start anew: {why}");
         return ExitCode::FAILURE;
     }

@@ -7,7 +7,10 @@
 //! number of its threads from an environment variable alone, once, and a process cannot change its
 //! own environment safely: so it starts itself anew, once, with the variable set.
 //!
-//! One thread is enough: two boards' batches and pings are some 1200 messages a second.
+//! One thread is enough: two boards' batches and pings are some 1200 messages a second. A router is
+//! left on Zenoh's own threads ([`leave`]): what it passes on may have to wait for room, and on one
+//! thread nobody would make it (eight courts came to a standstill). So between machines its
+//! sessions may break now and then, and are made anew; a court's boards need no router.
 
 use std::os::unix::process::CommandExt as _;
 use std::process::Command;
@@ -26,12 +29,27 @@ pub fn ensure() -> std::io::Result<()> {
     if std::env::var(VARIABLE).is_ok_and(|value| value == ONE_THREAD) {
         return Ok(());
     }
-    // The same process: who started it, its number and its files stay as they are.
-    let binary = std::env::current_exe()?;
+    Err(anew()?.env(VARIABLE, ONE_THREAD).exec())
+}
+
+/// Makes sure of the opposite.
+///
+/// # Errors
+/// When this binary cannot be started anew.
+pub fn leave() -> std::io::Result<()> {
+    if std::env::var_os(VARIABLE).is_none() {
+        return Ok(());
+    }
+    Err(anew()?.env_remove(VARIABLE).exec())
+}
+
+/// The same process once more: who started it, its number and its files stay as they are.
+fn anew() -> std::io::Result<Command> {
     let mut words = std::env::args_os();
-    let mut command = Command::new(binary);
+    let mut command = Command::new(std::env::current_exe()?);
     if let Some(name) = words.next() {
         command.arg0(name);
     }
-    Err(command.args(words).env(VARIABLE, ONE_THREAD).exec())
+    command.args(words);
+    Ok(command)
 }

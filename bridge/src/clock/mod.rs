@@ -46,7 +46,7 @@ const N_FIRST: usize = 8;
 const RATE_SIGMA: f64 = 50e-6;
 
 /// What stamping costs even on an idle machine: a wake-up of a thread, to either side.
-const STAMP_SIGMA_NS: f64 = 15_000.0;
+const STAMP_SIGMA_NS: f64 = 20_000.0;
 
 /// 1 sigma of the difference of the two ways, as a share of the quickest round trip.
 const ASYMMETRY: f64 = 0.08;
