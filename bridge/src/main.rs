@@ -2,9 +2,10 @@
 
 use bridge::command::seen::Seen;
 use bridge::command::{Setting, cli, recording};
+use bridge::outbound::{Ended, Outbound};
 use bridge::pairing::command::Pair;
 use bridge::session::{Options, Role};
-use bridge::{command, follow, inbound, once, one_thread, outbound, router, session};
+use bridge::{command, follow, inbound, once, one_thread, router, session};
 use clap::{Parser, Subcommand};
 use shm_layout::Camera;
 use shm_layout::stop::Stop;
@@ -131,7 +132,6 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
             let role = Role::Board(*camera);
             let mut options = Options { connect, keys, ..Options::new(court, role) };
             if session::discover(&mut options, stop)? {
-                let session = session::open(&options)?;
                 let seen = Arc::new(Seen::default());
                 let setting = Setting {
                     court: court.clone(),
@@ -139,9 +139,19 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
                     recordings: recordings.clone().unwrap_or_else(recording::default_folder),
                     seen: Arc::clone(&seen),
                 };
-                // Before outbound's token says that this board is here.
-                let _commands = command::serve(&session, setting, stop.clone())?;
-                let sent = outbound::run(&session, court, *camera, &seen, stop)?;
+                let mut outbound = Outbound::new(court, *camera, seen);
+                loop {
+                    let session = session::open(&options)?;
+                    // Before outbound's token says that this board is here.
+                    let commands = command::serve(&session, setting.clone(), stop.clone())?;
+                    if outbound.run(&session, stop)? == Ended::Stopped {
+                        break;
+                    }
+                    tracing::warn!("fusion is not heard: the session is opened anew");
+                    // A link that is cut may hold up who closes it.
+                    std::thread::spawn(move || drop((commands, session)));
+                }
+                let sent = outbound.sent();
                 tracing::info!(?sent, "bridge {camera} stopped");
             }
         }

@@ -15,11 +15,12 @@ use crate::wire::clock::{Ping, Pong};
 use crate::wire::missing::Missing;
 use crate::{Error, network};
 use crossbeam::channel::{Receiver, bounded};
-use shm_layout::ports::MessageReader;
-use shm_layout::services::{Domain, Place};
+use shm_layout::ports::{Alarm, MessageReader};
+use shm_layout::services::{Domain, Member, Place};
 use shm_layout::stamp::now_ns;
 use shm_layout::stop::Stop;
 use shm_layout::{Camera, FrameInfo, StampNs, StripCandidates};
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use zenoh::bytes::ZBytes;
@@ -44,11 +45,30 @@ pub struct Sent {
     pub n_messages: u64,
 }
 
+/// A session over which fusion is there, but has not pinged for so long, is of no use: both ends
+/// may have different ideas of what was declared (seen after cuts of a minute).
+const UNHEARD_NS: i64 = 2_500_000_000;
+
+/// Fusion was there and is gone for so long: a new session finds it as soon as this one, and does
+/// not remember.
+const GONE_NS: i64 = 10_000_000_000;
+
+/// How a session came to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// The process was asked to end.
+    Stopped,
+    /// It is of no use any more: another one is to be opened.
+    Unheard,
+}
+
 /// The ring of one run of this bridge.
 #[derive(Debug, Clone)]
 struct Archive {
     session_id: u64,
     ring: Arc<Mutex<Ring>>,
+    /// When fusion pinged last.
+    pinged_ns: Arc<AtomicI64>,
 }
 
 impl Archive {
@@ -57,63 +77,109 @@ impl Archive {
     }
 }
 
-/// Moves messages of a board to the network until stopped; `seen` counts them.
-///
-/// # Errors
-/// When shared memory or the network cannot be had.
-pub fn run(
-    session: &Session,
-    court: &str,
-    camera: Camera,
-    seen: &Seen,
-    stop: &Stop,
-) -> Result<Sent, Error> {
-    let domain = Domain::new(court, Place::Board(camera))?;
-    let archive = Archive { session_id: new_session_id(), ring: Arc::default() };
-    let publishers = [
-        publisher(session, keys::of_board(court, camera, Stream::ALL[0].name())?)?,
-        publisher(session, keys::of_board(court, camera, Stream::ALL[1].name())?)?,
-    ];
-    let _pongs = answer_pings(session, court, camera, archive.clone())?;
-    let _missing = answer_missing(session, court, camera, archive.clone())?;
-    let fusion = Presence::watch(session, court, Place::Fusion)?;
-    let _token = session
-        .liveliness()
-        .declare_token(keys::alive(court, Place::Board(camera))?)
-        .wait()
-        .map_err(network("say that this board is here"))?;
-    if !wait_for(&fusion, stop) {
-        return Ok(Sent::default());
-    }
-    // Only now does the board's capture see a reader: a recording does not start unheard.
-    let member = domain.join("bridge")?;
-    let candidates = member.candidates()?;
-    let (strips, alarm) = (candidates.reader()?, candidates.alarm()?);
-    let infos = member.frames_info()?.reader()?;
+/// A board's shared memory, as the bridge reads it.
+struct Memory {
+    infos: MessageReader<FrameInfo>,
+    strips: MessageReader<StripCandidates>,
+    alarm: Alarm,
+    /// Dropped last: what it opened goes with it.
+    _member: Member,
+}
 
-    let mut sent = Sent::default();
-    while !stop.is_raised() {
-        loop {
-            let (infos, strips) = (all_infos(&infos)?, all_strips(&strips)?);
-            if infos.is_empty() && strips.is_empty() {
-                break;
+impl Memory {
+    fn open(domain: &Domain) -> Result<Self, Error> {
+        let member = domain.join("bridge")?;
+        let candidates = member.candidates()?;
+        Ok(Self {
+            infos: member.frames_info()?.reader()?,
+            strips: candidates.reader()?,
+            alarm: candidates.alarm()?,
+            _member: member,
+        })
+    }
+}
+
+/// One board's messages; they outlive a session.
+pub struct Outbound {
+    court: String,
+    camera: Camera,
+    archive: Archive,
+    /// Opened once fusion was met.
+    memory: Option<Memory>,
+    seen: Arc<Seen>,
+    sent: Sent,
+}
+
+impl Outbound {
+    /// Nothing sent yet; `seen` counts what will be.
+    #[must_use]
+    pub fn new(court: &str, camera: Camera, seen: Arc<Seen>) -> Self {
+        let (ring, pinged_ns) = (Arc::default(), Arc::default());
+        let archive = Archive { session_id: new_session_id(), ring, pinged_ns };
+        Self { court: court.to_owned(), camera, archive, memory: None, seen, sent: Sent::default() }
+    }
+
+    /// What went out so far.
+    #[must_use]
+    pub fn sent(&self) -> Sent {
+        self.sent
+    }
+
+    /// Moves messages to the network until stopped or the session is of no use.
+    ///
+    /// # Errors
+    /// When shared memory or the network cannot be had.
+    pub fn run(&mut self, session: &Session, stop: &Stop) -> Result<Ended, Error> {
+        let (court, camera, archive) = (self.court.as_str(), self.camera, &self.archive);
+        let publishers = [
+            publisher(session, keys::of_board(court, camera, Stream::ALL[0].name())?)?,
+            publisher(session, keys::of_board(court, camera, Stream::ALL[1].name())?)?,
+        ];
+        let _pongs = answer_pings(session, court, camera, archive.clone())?;
+        let _missing = answer_missing(session, court, camera, archive.clone())?;
+        let fusion = Presence::watch(session, court, Place::Fusion)?;
+        let _token = session
+            .liveliness()
+            .declare_token(keys::alive(court, Place::Board(camera))?)
+            .wait()
+            .map_err(network("say that this board is here"))?;
+        if self.memory.is_none() {
+            let domain = Domain::new(court, Place::Board(camera))?;
+            if !wait_for(&fusion, stop) {
+                return Ok(Ended::Stopped);
             }
-            for (stream, messages) in Stream::ALL.into_iter().zip([infos, strips]) {
-                if messages.is_empty() {
-                    continue;
+            // Only now does the board's capture see a reader: a recording does not start unheard.
+            self.memory = Some(Memory::open(&domain)?);
+        }
+        let Some(memory) = &self.memory else { return Ok(Ended::Stopped) };
+        self.archive.pinged_ns.store(now_ns(), Ordering::Relaxed);
+        while !stop.is_raised() {
+            loop {
+                let (infos, strips) = (all_infos(&memory.infos)?, all_strips(&memory.strips)?);
+                if infos.is_empty() && strips.is_empty() {
+                    break;
                 }
-                sent.n_batches += 1;
-                sent.n_messages += messages.len() as u64;
-                seen.note(&messages);
-                let bytes = archive.add(stream, messages);
-                seen.note_ring(&archive.ring());
-                let put = publishers[stream.idx()].put(bytes);
-                put.wait().map_err(network("send a batch"))?;
+                for (stream, messages) in Stream::ALL.into_iter().zip([infos, strips]) {
+                    if messages.is_empty() {
+                        continue;
+                    }
+                    self.sent.n_batches += 1;
+                    self.sent.n_messages += messages.len() as u64;
+                    self.seen.note(&messages);
+                    let bytes = self.archive.add(stream, messages);
+                    self.seen.note_ring(&self.archive.ring());
+                    let put = publishers[stream.idx()].put(bytes);
+                    put.wait().map_err(network("send a batch"))?;
+                }
+            }
+            memory.alarm.wait()?;
+            let silent_ns = now_ns() - self.archive.pinged_ns.load(Ordering::Relaxed);
+            if silent_ns > if fusion.is_there() { UNHEARD_NS } else { GONE_NS } {
+                return Ok(Ended::Unheard);
             }
         }
-        alarm.wait()?;
+        Ok(Ended::Stopped)
     }
-    Ok(sent)
 }
 
 impl Archive {
@@ -171,6 +237,7 @@ fn answer_pings(
         .declare_subscriber(keys::of_board(court, camera, "ping")?)
         .callback(move |sample| {
             let received_ns = now_ns();
+            archive.pinged_ns.store(received_ns, Ordering::Relaxed);
             match Ping::from_bytes(&sample.payload().to_bytes()) {
                 // A pong that cannot be sent is one that did not arrive: the next ping comes soon.
                 Ok(ping) => drop(pong.put(archive.pong(ping, received_ns).to_bytes()).wait()),

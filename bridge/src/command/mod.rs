@@ -122,7 +122,7 @@ pub enum Refused {
 }
 
 /// What commands need to know of a board.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Setting {
     /// The court.
     pub court: String,

@@ -96,6 +96,12 @@ impl Board {
         self.passed(batches)
     }
 
+    /// Whether its bridge was heard lately.
+    #[must_use]
+    pub fn is_heard_now(&self, now_ns: StampNs) -> bool {
+        self.heard.is_some_and(|(_, at_ns)| now_ns.saturating_sub(at_ns) < SILENT_NS)
+    }
+
     /// What to ask the board for now.
     pub fn questions(&mut self, now_ns: StampNs) -> Vec<Missing> {
         let mut questions = Vec::new();

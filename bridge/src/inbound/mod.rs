@@ -127,7 +127,8 @@ pub fn run(session: &Session, court: &str, stop: &Stop) -> Result<Received, Erro
         .map_err(network("say that fusion is here"))?;
     let mut inbound = Inbound { sides, inbox, memory, shots, n_shots: 0 };
     inbound.run(&news, stop)?;
-    let links = inbound.sides.map(|side| side.board.link(side.presence.is_there(), now_ns()));
+    let links =
+        inbound.sides.map(|side| side.board.link(side.board.is_heard_now(now_ns()), now_ns()));
     let n_overflowed = n_overflowed.load(Ordering::Relaxed);
     Ok(Received { links, n_overflowed, n_shots: inbound.n_shots })
 }
@@ -198,7 +199,8 @@ struct Side<'a> {
     court: String,
     session: &'a Session,
     board: Board,
-    presence: Presence,
+    /// Says who comes and goes, and who speaks another version.
+    _presence: Presence,
     pings: Publisher<'a>,
     pinged_ns: StampNs,
     told_ns: StampNs,
@@ -252,7 +254,7 @@ impl<'a> Side<'a> {
             court: court.to_owned(),
             session,
             board: Board::new(camera),
-            presence: Presence::watch(session, court, Place::Board(camera))?,
+            _presence: Presence::watch(session, court, Place::Board(camera))?,
             pings,
             pinged_ns: 0,
             told_ns: 0,
@@ -262,15 +264,16 @@ impl<'a> Side<'a> {
     }
 
     fn ping(&mut self, now_ns: StampNs) {
-        if self.presence.is_there() && now_ns - self.pinged_ns >= PING_EVERY_NS {
+        if now_ns - self.pinged_ns >= PING_EVERY_NS {
             self.pinged_ns = now_ns;
+            // Whether or not its token is here: of two sessions of a board the older one's may go last.
             // Stamped as late as can be. One that cannot be sent is one that did not arrive.
             drop(self.pings.put(Ping { sent_ns: shm_layout::stamp::now_ns() }.to_bytes()).wait());
         }
     }
 
     fn ask(&mut self, now_ns: StampNs, inbox: &Inbox) -> Result<(), Error> {
-        if !self.presence.is_there() {
+        if !self.board.is_heard_now(now_ns) {
             return Ok(());
         }
         for asked in self.board.questions(now_ns) {
@@ -303,7 +306,7 @@ impl<'a> Side<'a> {
     }
 
     fn link_to_tell(&mut self, now_ns: StampNs) -> Option<Link> {
-        let is_alive = self.presence.is_there();
+        let is_alive = self.board.is_heard_now(now_ns);
         if is_alive == self.was_alive && now_ns - self.told_ns < TELL_EVERY_NS {
             return None;
         }
