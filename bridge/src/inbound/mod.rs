@@ -266,7 +266,7 @@ impl<'a> Side<'a> {
     fn ping(&mut self, now_ns: StampNs) {
         if now_ns - self.pinged_ns >= PING_EVERY_NS {
             self.pinged_ns = now_ns;
-            // Whether or not its token is here: of two sessions of a board the older one's may go last.
+            // Whether or not its token is here: a board's older session may go last.
             // Stamped as late as can be. One that cannot be sent is one that did not arrive.
             drop(self.pings.put(Ping { sent_ns: shm_layout::stamp::now_ns() }.to_bytes()).wait());
         }
