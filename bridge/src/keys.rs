@@ -5,7 +5,8 @@
 //! court/<name>/<left|right>/frames-info    batches of what is known of every frame
 //! court/<name>/<left|right>/missing        query: batches of these that did not arrive
 //! court/<name>/<left|right>/ping, pong     what the time is on the board
-//! court/<name>/<left|right>/command        query: do this
+//! court/<name>/<left|right>/command        query of the bridge beside fusion: do this
+//! court/<name>/command/<left|right>        query of a commander, which that bridge passes on
 //! court/<name>/<left|right>/health         how the board is
 //! court/<name>/<left|right|fusion>/alive/v<VERSION>   token of who is there, and what it speaks
 //! court/<name>/shot                        a shot as JSON
@@ -23,6 +24,14 @@ use zenoh::key_expr::OwnedKeyExpr;
 /// When `court` cannot be part of a key.
 pub fn of_board(court: &str, camera: Camera, what: &str) -> Result<OwnedKeyExpr, Error> {
     key_from(format!("court/{court}/{camera}/{what}"))
+}
+
+/// Where a commander asks the bridge beside fusion to pass a command on. No board may ask there.
+///
+/// # Errors
+/// When `court` cannot be part of a key.
+pub fn command(court: &str, camera: Camera) -> Result<OwnedKeyExpr, Error> {
+    key_from(format!("court/{court}/command/{camera}"))
 }
 
 /// The key of a court's shots; `*` is every court.

@@ -12,6 +12,7 @@ use shm_layout::stop::Stop;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
+use zenoh::Wait as _;
 
 /// Carries candidates from boards to fusion.
 #[derive(Debug, Parser)]
@@ -158,7 +159,11 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         End::Fusion { court, listen, connect, keys } => {
             let (listen, connect, keys) = (listen.clone(), connect.clone(), keys.clone());
             let options = Options { listen, connect, keys, ..Options::new(court, Role::Fusion) };
-            let received = inbound::run(&session::open(&options)?, court, stop)?;
+            let session = session::open(&options)?;
+            let _relay = command::relay::serve(&session, court)?;
+            let received = inbound::run(&session, court, stop)?;
+            // The relay's threads have the session, too, and may be waiting for a board.
+            drop(session.close().wait());
             tracing::info!(?received, "bridge fusion stopped");
         }
         End::Command(flags) => cli::run(flags)?,

@@ -5,7 +5,7 @@
 
 use bridge::command::commander::{Failure, ask};
 use bridge::command::seen::Seen;
-use bridge::command::{self, Serving, Setting};
+use bridge::command::{self, Serving, Setting, relay};
 use bridge::keys;
 use bridge::pairing::authority::Authority;
 use bridge::pairing::bundle::Bundle;
@@ -73,6 +73,7 @@ fn a_commander_beside_fusion_is_answered_and_another_board_is_not_heard() {
     let (fusion, board) = (court.session(Role::Fusion), court.session(LEFT));
     let here = fusion.liveliness().declare_token(keys::alive(&court.name, Place::Fusion).unwrap());
     let _here = here.wait().unwrap();
+    let _relay = relay::serve(&fusion, &court.name).unwrap();
     let (serving, token) = court.serve(&board);
     let commander = court.session(Role::Commander);
     let answer = ask(&commander, &court.name, Camera::Left, &Command::Health).unwrap();
@@ -92,6 +93,13 @@ fn a_commander_beside_fusion_is_answered_and_another_board_is_not_heard() {
     let other = court.session(Role::Board(Camera::Right));
     let unheard = ask(&other, &court.name, Camera::Left, &Command::Shutdown);
     assert!(!matches!(unheard, Ok(_) | Err(Failure::Refused(_))), "{unheard:?}");
+    for key in [
+        keys::of_board(&court.name, Camera::Left, "command").unwrap(),
+        keys::command(&court.name, Camera::Left).unwrap(),
+    ] {
+        let replies = other.get(&key).payload(Command::Shutdown.to_bytes()).wait().unwrap();
+        assert!(replies.recv().is_err(), "a board was heard at {key}");
+    }
     assert!(ask(&commander, &court.name, Camera::Left, &Command::Health).is_ok());
     drop((serving, token));
     Domain::new(&court.name, Place::Board(Camera::Left)).unwrap().close().unwrap();

@@ -12,11 +12,12 @@ use tests::chain::Chain;
 use tests::processes::{Error, Household, Until, free_endpoint, own_court};
 use zenoh::Wait as _;
 
-const WIDTH_PX: u32 = 160;
-const HEIGHT_PX: u32 = 120;
-const N_FRAMES: usize = 3000;
-/// Slow, so that the recording lasts 100 s and outlives every check.
-const FRAME_RATE_HZ: usize = 30;
+/// An image is several of Zenoh's batches, and was once more than the bridge could pass on.
+const WIDTH_PX: u32 = 640;
+const HEIGHT_PX: u32 = 480;
+const N_FRAMES: usize = 900;
+/// Slow, so that the recording lasts a minute and outlives every check.
+const FRAME_RATE_HZ: usize = 15;
 const N_WORKERS: u32 = 2;
 
 /// Noise on grey, different in every frame.
@@ -32,7 +33,7 @@ fn luma_of(frame_idx: usize) -> Vec<u8> {
 }
 
 fn write_recording(folder: &Path) -> std::path::PathBuf {
-    let mut bytes = format!("YUV4MPEG2 W{WIDTH_PX} H{HEIGHT_PX} F30:1 Cmono\n").into_bytes();
+    let mut bytes = format!("YUV4MPEG2 W{WIDTH_PX} H{HEIGHT_PX} F15:1 Cmono\n").into_bytes();
     let mut stamps = String::new();
     for frame_idx in 0..N_FRAMES {
         bytes.extend_from_slice(b"FRAME\n");
@@ -203,7 +204,7 @@ fn frames_stop_and_start(court: &Court) {
     court.board.next_frame(); // so that there is a last one
     assert_eq!(court.done(&["stop"]), "left: frames are stopped\n");
     let last = court.board.last_frame();
-    // Waits for a frame for most of a second: two dozen would have come.
+    // Waits for a frame for most of a second: a dozen would have come.
     let image = Path::new("/nowhere/a.png").to_str().unwrap();
     court.refused(&["image", image], "no frame came within");
     assert_eq!(court.board.last_frame(), None, "a frame came after {last:?}");
@@ -266,7 +267,7 @@ fn a_recording_is_made(court: &Court, folder: &Path) {
     let magic = b"\x89MCAP0\r\n";
     assert!(bytes.starts_with(magic) && bytes.ends_with(magic), "it was ended");
     let n_frame_bytes = luma_of(0).len();
-    assert!(bytes.len() > 10 * n_frame_bytes, "{} bytes", bytes.len());
+    assert!(bytes.len() > 5 * n_frame_bytes, "{} bytes", bytes.len());
 }
 
 fn what_cannot_be_is_refused(court: &Court) {
@@ -284,7 +285,7 @@ fn what_cannot_be_is_refused(court: &Court) {
         assert_eq!(output.status.code(), Some(2), "{misused:?}: {}", words(&output));
     }
     let session = client_of(&court.endpoint);
-    let key = format!("court/{}/left/command", court.name);
+    let key = format!("court/{}/command/left", court.name);
     let version = bridge_version(&court.name, &session);
     let garbage = [&version.to_le_bytes()[..], &[0xff; 20]].concat();
     for (payload, reason) in [

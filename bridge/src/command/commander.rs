@@ -1,6 +1,6 @@
 //! A command and a board's name → the board's answer, or why there is none.
 
-use super::ANSWER_WITHIN;
+use super::{ANSWER_WITHIN, UNDER_WAY};
 use crate::keys::{self, version_of};
 use crate::wire::command::{Answer, Command};
 use crate::wire::{Refusal, VERSION};
@@ -16,8 +16,14 @@ use zenoh::{Session, Wait};
 /// How long a board is waited for; a session that is new needs some of it.
 const HERE_WITHIN: Duration = Duration::from_secs(3);
 
-/// How long an answer is waited for beyond what the board may take: an image on a slow link.
-const UNDER_WAY: Duration = Duration::from_secs(3);
+/// The bridge beside fusion says itself when a board is silent for longer than it may be.
+const TOLD_WITHIN: Duration = Duration::from_secs(1);
+
+/// The way to fusion's bridge is known this long after a board's token, at the latest.
+const WAY_WITHIN: Duration = Duration::from_secs(1);
+
+/// Pause between two tries until then.
+const ASK_EVERY: Duration = Duration::from_millis(20);
 
 /// Most tokens of one place that are looked at.
 const MAX_TOKENS: usize = 64;
@@ -34,8 +40,8 @@ pub enum Failure {
     /// The board is of another version.
     #[error(transparent)]
     Version(Refusal),
-    /// The board is there and says nothing.
-    #[error("the board does not answer")]
+    /// Not even the bridge beside fusion says that the board is silent.
+    #[error("the bridge beside fusion does not answer")]
     Silent,
     /// The board says why not.
     #[error("{0}")]
@@ -59,6 +65,22 @@ pub fn ask(
     command: &Command,
 ) -> Result<Answer, Failure> {
     wait_for(session, court, camera)?;
+    let begun = Instant::now();
+    loop {
+        match ask_once(session, court, camera, command) {
+            // The token may be here before the way is known: then nobody was asked.
+            Err(Failure::Silent) if begun.elapsed() < WAY_WITHIN => std::thread::sleep(ASK_EVERY),
+            outcome => return outcome,
+        }
+    }
+}
+
+fn ask_once(
+    session: &Session,
+    court: &str,
+    camera: Camera,
+    command: &Command,
+) -> Result<Answer, Failure> {
     let (to_us, replies) = bounded(1);
     let priority = match command {
         // Answers have the priority of their question.
@@ -66,10 +88,10 @@ pub fn ask(
         _ => Priority::InteractiveLow,
     };
     session
-        .get(keys::of_board(court, camera, "command")?)
+        .get(keys::command(court, camera)?)
         .payload(command.to_bytes())
         .priority(priority)
-        .timeout(ANSWER_WITHIN + UNDER_WAY)
+        .timeout(ANSWER_WITHIN + UNDER_WAY + TOLD_WITHIN)
         .callback(move |reply| {
             // One board answers; a second one that says it is this camera is not heard.
             drop(to_us.try_send(reply));

@@ -2,20 +2,22 @@
 //!
 //! Read in this order: [`seen`] is what the bridge counts while it moves data, [`machine`] what the
 //! machine tells of itself, [`recording`] a recorder as a child, [`board`] does what is asked; here
-//! questions are taken and answered. [`commander`] is the asking end, [`cli`] its command line.
+//! questions are taken and answered. [`relay`] passes them on beside fusion. [`commander`] is the
+//! asking end, [`cli`] its command line.
 //!
 //! Commands have a thread of their own, so that data never waits for one. They are done one after
 //! another, and every one has an answer within [`ANSWER_WITHIN`] of its arrival: one whose turn
 //! comes too late is told to ask again. Once a second the same thread publishes the board's health.
 //!
-//! The way: commander → the bridge beside fusion → board. Zenoh's peers pass messages on to and
-//! from *clients*, but not between peers, so a commander opens its session as a client.
+//! The way: commander → the bridge beside fusion ([`relay`]) → board. A commander is a client of
+//! Zenoh's: it sees the boards' tokens, which peers do not pass on to other peers.
 
 pub mod board;
 pub mod cli;
 pub mod commander;
 pub mod machine;
 pub mod recording;
+pub mod relay;
 pub mod seen;
 
 use crate::keys;
@@ -38,6 +40,9 @@ use zenoh::{Session, Wait};
 
 /// Every command is answered this long after it came, whatever else is asked.
 pub const ANSWER_WITHIN: Duration = Duration::from_millis(1900);
+
+/// A question and its answer are on their way for so long at most: an image on a slow link.
+const UNDER_WAY: Duration = Duration::from_secs(3);
 
 /// Processes of the board have so long to answer, and a frame to come: two commands fit into
 /// [`ANSWER_WITHIN`].
