@@ -90,12 +90,10 @@ impl Memory {
     fn open(domain: &Domain) -> Result<Self, Error> {
         let member = domain.join("bridge")?;
         let candidates = member.candidates()?;
-        Ok(Self {
-            infos: member.frames_info()?.reader()?,
-            strips: candidates.reader()?,
-            alarm: candidates.alarm()?,
-            _member: member,
-        })
+        let (strips, alarm) = (candidates.reader()?, candidates.alarm()?);
+        // Last: a capture that waits for the bridge begins once somebody reads this.
+        let infos = member.frames_info()?.reader()?;
+        Ok(Self { infos, strips, alarm, _member: member })
     }
 }
 

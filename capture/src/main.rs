@@ -5,6 +5,7 @@ use capture::orders::Orders;
 use capture::pace::{self, InFlight, MAX_IN_FLIGHT, Speed};
 use capture::publisher::Publisher;
 use capture::source::{Source, Stamps};
+use capture::stamps;
 use clap::Parser;
 use shm_layout::services::{Domain, Place};
 use shm_layout::stop::Stop;
@@ -37,6 +38,9 @@ struct Flags {
     /// As recorded, or as fast as the workers keep up without a loss.
     #[arg(long, value_enum, default_value = "real")]
     speed: Speed,
+    /// Again from the start when it is over, until stopped; stamps go on.
+    #[arg(long)]
+    repeat: bool,
     /// Workers to wait for before the first frame.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
     workers: u32,
@@ -67,9 +71,17 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     publisher.wait_for_readers(n_workers, flags.wait_for_bridge, || orders.look())?;
 
     let stamps_ns = source.stamps_ns().to_vec();
+    let lap_ns = if flags.repeat { stamps::lap_ns(&stamps_ns) } else { None };
+    anyhow::ensure!(lap_ns.is_some() || !flags.repeat, "--repeat needs two frames or more");
     let begun = orders.now();
     let mut n_missed = 0_usize;
-    for (idx, &exposed_ns) in stamps_ns.iter().enumerate() {
+    let n_frames = if flags.repeat { usize::MAX } else { stamps_ns.len() };
+    for idx in 0..n_frames {
+        let (lap, idx_in_lap) = (idx / stamps_ns.len(), idx % stamps_ns.len());
+        if idx_in_lap == 0 && lap > 0 {
+            source.go_to_start()?;
+        }
+        let exposed_ns = stamps_ns[idx_in_lap] + lap as i64 * lap_ns.unwrap_or(0);
         match flags.speed {
             Speed::Max => {
                 in_flight.wait_until_at_most(MAX_IN_FLIGHT - 1, || orders.look())?;
@@ -80,7 +92,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
                 in_flight.take_progress()?;
             }
         }
-        let is_last = idx + 1 == stamps_ns.len();
+        let is_last = idx + 1 == n_frames;
         let published = publisher.publish(exposed_ns, is_last, |luma| source.read_into(luma))?;
         in_flight.add(published.frame_idx);
         if published.n_reached < n_workers {
@@ -94,7 +106,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     // What was published goes with its publisher: stay until the workers have done with it.
     in_flight.wait_until_at_most(0, || orders.look())?;
     let elapsed_s = (orders.now() - begun).as_secs_f64();
-    tracing::info!(n_frames = stamps_ns.len(), n_missed, elapsed_s, "recording published");
+    tracing::info!(n_frames, n_missed, elapsed_s, "recording published");
     Ok(())
 }
 

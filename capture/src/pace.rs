@@ -58,6 +58,10 @@ impl InFlight {
 
     /// Notes that a frame was published.
     pub fn add(&mut self, frame_idx: u64) {
+        // Further back than a worker's queue reaches it will not be finished, by nobody at all.
+        if self.unfinished.len() > FRAMES.depth {
+            self.unfinished.pop_front();
+        }
         self.unfinished.push_back((frame_idx, 0));
     }
 

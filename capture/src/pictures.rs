@@ -56,6 +56,11 @@ impl Pictures {
         self.paths.len()
     }
 
+    /// The first picture is read next.
+    pub fn go_to_start(&mut self) {
+        self.frame_idx = 0;
+    }
+
     /// Decodes the next picture into `luma`; colour becomes ITU-R BT.709 luma.
     ///
     /// # Errors

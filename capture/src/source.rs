@@ -64,6 +64,18 @@ impl Source {
         &self.stamps_ns
     }
 
+    /// The first frame is read next.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn go_to_start(&mut self) -> Result<(), Error> {
+        match &mut self.kind {
+            Kind::Recording(recording) => recording.go_to(0)?,
+            Kind::Pictures(pictures) => pictures.go_to_start(),
+        }
+        Ok(())
+    }
+
     /// Reads the next frame's luma into `luma`.
     ///
     /// # Errors

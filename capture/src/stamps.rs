@@ -32,6 +32,17 @@ pub fn from_frame_rate(n_frames: usize, frame_rate_hz: f64) -> Vec<StampNs> {
     (0..n_frames).map(|k| (k as f64 * 1e9 / frame_rate_hz).round() as StampNs).collect()
 }
 
+/// How much later a recording's frames are when it is played once more: its length and the time
+/// between its last two frames. Nothing can be said of a single frame.
+#[must_use]
+pub fn lap_ns(stamps_ns: &[StampNs]) -> Option<StampNs> {
+    let [first, .., before, last] = *stamps_ns else {
+        let [first, last] = *stamps_ns else { return None };
+        return Some(2 * (last - first));
+    };
+    Some(2 * last - before - first)
+}
+
 struct Wrong {
     line: usize,
     expected: String,
@@ -89,6 +100,13 @@ mod tests {
         check("9\n9\n", Err((2, "after 9")));
         check("", Err((1, "a time")));
         check("99999999999999999999\n", Err((1, "integer")));
+    }
+
+    #[test]
+    fn a_recording_goes_on_one_frame_after_its_last() {
+        assert_eq!(lap_ns(&[5]), None);
+        assert_eq!(lap_ns(&[5, 8]), Some(6));
+        assert_eq!(lap_ns(&[5, 8, 10, 14]), Some(13));
     }
 
     #[test]
