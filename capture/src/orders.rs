@@ -8,6 +8,7 @@ use crate::Error;
 use shm_layout::commands::{Asked, CommandServer, Kind, Outcome};
 use shm_layout::services::Member;
 use shm_layout::stop::{LOOK_EVERY, Stop};
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 /// How often a paused capture looks for commands.
@@ -20,6 +21,8 @@ pub struct Orders<'a> {
     stop: &'a Stop,
     paused_at: Option<Instant>,
     paused_before: Duration,
+    /// What a camera is asked to be set to; `None` for recordings, which cannot be.
+    wishes: Option<VecDeque<Asked>>,
 }
 
 impl<'a> Orders<'a> {
@@ -29,7 +32,24 @@ impl<'a> Orders<'a> {
     /// When the service has too many servers.
     pub fn new(member: &Member, stop: &'a Stop) -> Result<Self, Error> {
         let server = member.commands()?.server()?;
-        Ok(Self { server, stop, paused_at: None, paused_before: Duration::ZERO })
+        Ok(Self { server, stop, paused_at: None, paused_before: Duration::ZERO, wishes: None })
+    }
+
+    /// The same for a camera, which can be set: whoever films answers [`Orders::take_wish`].
+    #[must_use]
+    pub fn of_camera(self) -> Self {
+        Self { wishes: Some(VecDeque::new()), ..self }
+    }
+
+    /// The oldest wish to set the camera that was not answered yet.
+    pub fn take_wish(&mut self) -> Option<Asked> {
+        self.wishes.as_mut()?.pop_front()
+    }
+
+    /// Whether frames are stopped.
+    #[must_use]
+    pub fn is_paused(&self) -> bool {
+        self.paused_at.is_some()
     }
 
     /// Obeys and answers what waits.
@@ -99,6 +119,11 @@ impl<'a> Orders<'a> {
             }
             Some(Kind::LearnBackground) => (Outcome::NotMine, ""),
             Some(Kind::SetCamera) => {
+                if let Some(wishes) = &mut self.wishes {
+                    // No more than were asked and not given up: the service bounds them.
+                    wishes.push_back(asked);
+                    return Ok(());
+                }
                 let reason = "frames come from a recording: it has no exposure, gain or frame \
                               rate to set";
                 (Outcome::Refused, reason)

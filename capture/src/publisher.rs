@@ -103,6 +103,11 @@ impl Publisher {
         }
     }
 
+    /// Numbers that no frame will have: frames the camera dropped.
+    pub fn skip(&mut self, n_frames: u64) {
+        self.next_idx += n_frames;
+    }
+
     /// Publishes the next frame: `fill` writes its luma straight into shared memory.
     ///
     /// # Errors

@@ -43,6 +43,16 @@ impl Stop {
         with_parent: bool,
         work: impl FnOnce(&Self) -> Result<(), E>,
     ) -> ExitCode {
+        Self::run_to_code(name, with_parent, work, |_| 1)
+    }
+
+    /// The same with an exit code for each failure.
+    pub fn run_to_code<E: Display + From<std::io::Error>>(
+        name: impl Display,
+        with_parent: bool,
+        work: impl FnOnce(&Self) -> Result<(), E>,
+        code: impl FnOnce(&E) -> u8,
+    ) -> ExitCode {
         let outcome = Self::on_signals(with_parent).map_err(E::from).and_then(|stop| {
             let outcome = work(&stop);
             if stop.is_raised() { Ok(()) } else { outcome }
@@ -51,7 +61,7 @@ impl Stop {
             Ok(()) => ExitCode::SUCCESS,
             Err(why) => {
                 eprintln!("{name}: {why:#}");
-                ExitCode::FAILURE
+                ExitCode::from(code(&why))
             }
         }
     }
