@@ -8,6 +8,7 @@ mod accuracy; // what a shot is measured as, against its truth
 mod chessboard; // pictures of a board become a rig
 mod commands; // what boards are told to do
 mod court; // pictures of a court's lines become a rig
+mod filmed; // a board for cameras that are not there
 mod hosts; // hosts of one network, and how bad it is
 mod labelling; // a person's labels, over HTTP, in the file
 mod link; // candidates and clocks over a network that is as bad as asked
@@ -19,4 +20,6 @@ mod same_bits; // the candidates do not depend on the number of workers
 mod scenes; // how well balls are found, scene by scene
 mod sweep; // how well shots are measured, cell by cell
 mod tidy; // the house rules
+mod usb_camera; // V4L2, answered by a library
+mod virtual_camera; // libcamera's own
 mod watch; // a camera that somebody touches during play

@@ -252,12 +252,12 @@ fn settle(camera: &mut LibCamera, wanted: &Wanted) -> Result<(), Error> {
     }
     if is_too_fast(&stamps_ns, wanted.frame_rate_hz) {
         tracing::debug!("{} is held back to {} frames/s", camera.name(), wanted.frame_rate_hz);
-        camera.steady = Some(Steady::new(wanted.frame_rate_hz));
         // What comes back now comes at its own pace: it is old, and goes round again.
         let period = Duration::from_secs_f64(1.0 / wanted.frame_rate_hz);
         while let Ok(request) = camera.done.recv_timeout(period) {
             camera.idle.push_back(request);
         }
+        camera.steady = Some(Steady::new(wanted.frame_rate_hz));
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! `calibrate`: pictures or balls in, rig.toml with its uncertainty out. One subcommand per method.
 
+mod aim;
 mod ball;
 mod board;
 mod chessboard;
@@ -36,6 +37,7 @@ enum Method {
     Export(export::Args),
     /// Draws a chessboard to print.
     Board(board::Args),
+    Aim(aim::Args),
     /// Shows what cameras would see of the court, and how well they would measure.
     Siting(siting::Args),
 }
@@ -49,6 +51,7 @@ fn run(flags: Flags) -> anyhow::Result<()> {
         Method::Import(args) => import::run(&args),
         Method::Export(args) => export::run(&args),
         Method::Board(args) => board::run(&args),
+        Method::Aim(args) => aim::run(&args),
         Method::Siting(args) => siting::run(&args),
     }
 }
