@@ -11,6 +11,7 @@ use crate::table::{
 };
 use crate::text::TextService;
 use crate::{Camera, FrameInfo, Link, MAX_SIDE_PX, Shot, StripCandidates, Taken};
+use iceoryx2::node::NodeView as _;
 use iceoryx2::prelude::{
     CallbackProgression, Config, FileName, LogLevel, Node, NodeBuilder, NodeName, NodeState, Path,
     SemanticString, ServiceName, SignalHandlingMode, ipc, set_log_level,
@@ -133,6 +134,29 @@ impl Domain {
         Ok(Member { node })
     }
 
+    /// Who is in this domain, and who was when it was killed.
+    ///
+    /// # Errors
+    /// When the processes of the domain cannot be listed.
+    pub fn members(&self) -> Result<Vec<Present>, Error> {
+        let mut members = Vec::new();
+        Node::<ipc::Service>::list(&self.config, |state| {
+            let is_alive = !matches!(state, NodeState::Dead(_));
+            let details = match &state {
+                NodeState::Alive(node) => node.details().as_ref(),
+                NodeState::Dead(node) => node.details().as_ref(),
+                _ => None,
+            };
+            let name = details.map(|details| details.name().as_str().to_owned());
+            let process_id = details.map_or(0, |details| details.process_id().value());
+            let name = name.unwrap_or_default();
+            members.push(Present { name, process_id, is_alive });
+            CallbackProgression::Continue
+        })
+        .map_err(|e| refused(format!("list the processes of {}", self.prefix))(&e))?;
+        Ok(members)
+    }
+
     /// Removes what killed processes left in this domain and says how many there were.
     ///
     /// # Errors
@@ -173,6 +197,17 @@ impl Domain {
         leaked.sort();
         Ok(leaked)
     }
+}
+
+/// A process that joined a domain and has not left it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Present {
+    /// What it joined as; empty when it is just coming or going.
+    pub name: String,
+    /// Its number; 0 when it is just coming or going.
+    pub process_id: i32,
+    /// False if it was killed and nobody has removed what it left.
+    pub is_alive: bool,
 }
 
 /// A process in a domain; what it opened is given back when this is dropped.

@@ -15,7 +15,6 @@
 pub mod board;
 pub mod cli;
 pub mod commander;
-pub mod machine;
 pub mod recording;
 pub mod relay;
 pub mod seen;
