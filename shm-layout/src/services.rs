@@ -195,6 +195,8 @@ impl Domain {
             }
         }
         leaked.sort();
+        // Of one that was killed while it came or went, which iceoryx2 can tell no more of.
+        remove_beginning_with(&self.prefix, std::path::Path::new(&root_of_user()));
         Ok(leaked)
     }
 }
@@ -316,6 +318,25 @@ fn names_in_shm() -> Result<Vec<String>, Error> {
     entries
         .map(|entry| Ok(entry.map_err(Error::NoShm)?.file_name().to_string_lossy().into_owned()))
         .collect()
+}
+
+/// Removes a domain's files in a folder, and the folders that only they kept; how many there were.
+/// What cannot be removed is in nobody's way.
+fn remove_beginning_with(prefix: &str, folder: &std::path::Path) -> usize {
+    let mut n_removed = 0;
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            let n_inside = remove_beginning_with(prefix, &path);
+            if n_inside > 0 && folder.ends_with("nodes") {
+                let _ = std::fs::remove_dir(path); // only if it is empty
+            }
+            n_removed += n_inside;
+        } else if entry.file_name().to_string_lossy().starts_with(prefix) {
+            n_removed += usize::from(std::fs::remove_file(path).is_ok());
+        }
+    }
+    n_removed
 }
 
 fn root_of_user() -> String {

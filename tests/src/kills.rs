@@ -105,7 +105,11 @@ impl Report {
     #[must_use]
     pub fn unexplained(&self) -> Vec<(u64, u64)> {
         let bridges = self.deaths.iter().filter(|death| death.victim == Victim::Bridge);
-        let dead: Vec<_> = bridges.map(|d| d.killed_ns - ON_THE_WAY_NS..=d.resumed_ns).collect();
+        let dead = bridges.map(|death| death.killed_ns - ON_THE_WAY_NS..=death.resumed_ns);
+        // At the start the bridge is not there yet either.
+        let first_ns = self.at_fusion.frames.values().map(|frame| frame.published_ns).min();
+        let start = StampNs::MIN..=first_ns.unwrap_or_default();
+        let dead: Vec<_> = dead.chain([start]).collect();
         let complete = self.truth.frames.iter().filter(|(_, frame)| frame.complete_ns.is_some());
         let missed = complete.filter(|(key, _)| {
             self.at_fusion.frames.get(key).is_none_or(|there| there.complete_ns.is_none())

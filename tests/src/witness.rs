@@ -90,7 +90,7 @@ impl Witness {
                 let member = domain.join("witness")?;
                 let (infos, strips) =
                     (member.frames_info()?.reader()?, member.candidates()?.reader()?);
-                drop(reads.send(()));
+                let _ = reads.send(()); // who started this one may be gone
                 while !is_over.load(Ordering::Relaxed) {
                     {
                         let mut seen = locked(&seen);

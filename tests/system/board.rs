@@ -41,7 +41,8 @@ fn frames_go_on_after_a_hundred_deaths_and_all_count_alike_what_was_lost() {
     assert_eq!(report.unexplained(), []);
 
     // What the dead held is given back, and in the end all of it.
-    let (first, last) = (report.n_files[Victim::ALL.len()], report.n_files[N_KILLS]);
+    let most = |n_files: &[usize]| n_files.iter().copied().max();
+    let (first, last) = (most(&report.n_files[..10]), most(&report.n_files[N_KILLS - 9..]));
     assert!(last <= first, "files: {:?}", report.n_files);
     assert_eq!((report.exit_code, &report.left), (Some(0), &Vec::new()));
     assert_eq!(kills::files_of(&court).unwrap(), Vec::<String>::new());

@@ -44,7 +44,7 @@ pub fn run(flags: &Flags, stop: &Stop) -> Result<(), Error> {
         supervisor.set_real_time(&REAL_TIME);
     }
     let after_bridge = flags.of_capture().iter().any(|word| word == "--wait-for-bridge");
-    let mut memory = Memory::open(&domain, after_bridge)?;
+    let mut memory = opened(&domain, after_bridge)?;
 
     let words = Words::new(format!("board {}", flags.camera));
     let mut board = Board { words, domain: &domain, supervisor, told: Told::default() };
@@ -54,10 +54,8 @@ pub fn run(flags: &Flags, stop: &Stop) -> Result<(), Error> {
     memory.take()?;
     let Counts { n_frames, n_complete, n_lost, .. } = memory.account.counts(true);
     drop(memory);
-    let mut left = Vec::new();
-    if domain.members()?.iter().all(|member| !member.is_alive) {
-        left = domain.close()?;
-    }
+    // Somebody may listen: what that one has open is not ours to remove.
+    let left = if is_empty(&domain)? { domain.close()? } else { Vec::new() };
     let n_restarts = board.supervisor.n_restarts();
     board.words.say(&format!(
         "stopped: {n_frames} frames, {n_complete} complete, {n_lost} lost, {n_restarts} restarts"
@@ -105,7 +103,7 @@ impl Board<'_> {
             events.extend(looked.map_err(system("look at the processes"))?);
             for event in events {
                 match event {
-                    Event::Died { name, how, wait } => self.bury(&name, &how, wait)?,
+                    Event::Died { name, how, wait } => self.bury(&name, &how, wait),
                     Event::Over => return Ok(()),
                     Event::Misused { name } => return Err(Error::Misused { name }),
                 }
@@ -119,14 +117,15 @@ impl Board<'_> {
     }
 
     /// What it held is given back before its next life begins.
-    fn bury(&self, name: &str, how: &str, wait: Duration) -> Result<(), Error> {
-        self.domain.remove_stale()?;
+    fn bury(&self, name: &str, how: &str, wait: Duration) {
+        if let Err(why) = self.domain.remove_stale() {
+            tracing::warn!("what {name} held is not given back: {why}"); // its next life tries, too
+        }
         let again = match wait {
             Duration::ZERO => "started again at once".to_owned(),
             wait => format!("started again in {} s", wait.as_secs_f64()),
         };
         self.words.say(&format!("{name} {how}; {again}"));
-        Ok(())
     }
 
     fn tell(&mut self, memory: &Memory) {
@@ -152,6 +151,24 @@ impl Board<'_> {
     }
 }
 
+/// The board's shared memory. Whoever was killed while it made a service may have left half of one,
+/// which nobody accounts for: all is removed then, if nobody is there.
+fn opened(domain: &Domain, after_bridge: bool) -> Result<Memory, Error> {
+    match Memory::open(domain, after_bridge) {
+        Err(why) if !is_empty(domain)? => Err(why.into()),
+        Err(why) => {
+            tracing::warn!("{why}: what is left in shared memory is removed");
+            domain.close()?;
+            Ok(Memory::open(domain, after_bridge)?)
+        }
+        Ok(memory) => Ok(memory),
+    }
+}
+
+fn is_empty(domain: &Domain) -> Result<bool, Error> {
+    Ok(domain.members()?.iter().all(|member| !member.is_alive))
+}
+
 /// Waits for the processes of a launcher that was killed, and removes what they left.
 fn clear(domain: &Domain, stop: &Stop) -> Result<(), Error> {
     let begun = Instant::now();
@@ -166,11 +183,7 @@ fn clear(domain: &Domain, stop: &Stop) -> Result<(), Error> {
             .map(|member| format!("{} ({})", member.name, member.process_id))
             .collect();
         if alive.is_empty() {
-            if members.iter().any(|member| member.is_alive) {
-                domain.remove_stale()?; // somebody listens already
-            } else {
-                domain.close()?;
-            }
+            domain.remove_stale()?;
             return Ok(());
         }
         if stop.is_raised() || begun.elapsed() > LEFT_OVER_WITHIN {
