@@ -98,6 +98,7 @@ impl Limit {
     }
 }
 
+#[cfg(target_arch = "x86_64")]
 type Model<'a> = ((&'a mut [i16; 32], &'a mut [u16; 32]), &'a mut u32);
 
 #[cfg(target_arch = "x86_64")]
