@@ -1,4 +1,4 @@
-//! A board whose processes die, under its launcher: it goes on, counts what it lost, leaves nothing.
+//! A board whose processes die, under its launcher: it goes on, counts its losses, leaves nothing.
 
 use crate::run::{simulated, turn};
 use rustix::process::{Pid, Signal, kill_process};
