@@ -1,9 +1,10 @@
-//! A board whose processes die, under its launcher: it goes on, counts what it lost, leaves nothing.
+//! A board whose processes die, under its launcher: it goes on, counts its losses, leaves nothing.
 
 use crate::run::{simulated, turn};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
@@ -25,14 +26,16 @@ fn frames_go_on_after_a_hundred_deaths_and_all_count_alike_what_was_lost() {
     assert_eq!(report.deaths.len(), N_KILLS);
     for victim in Victim::ALL {
         let silences_ms = report.silences_ms(victim);
-        let median_ms = silences_ms[silences_ms.len() / 2];
-        assert!(median_ms <= WITHIN_MS, "{victim:?}: {silences_ms:?}");
+        // One in ten may have met the load of the tests that run meanwhile.
+        let p90_ms = silences_ms[silences_ms.len() * 9 / 10];
+        assert!(p90_ms <= WITHIN_MS, "{victim:?}: {silences_ms:?}");
     }
 
     // Every number is complete or lost, once, whoever counts: the launcher ...
     assert_eq!(report.truth.n_twice + report.at_fusion.n_twice, 0);
     let expected = report.expected_words();
     assert!(report.words.contains(&expected), "{expected:?} not in\n{}", report.words);
+    assert!(report.words.contains("clock ±"), "fusion tells the board: {}", report.words);
     // ... and fusion, which misses besides only what a dead bridge did not carry.
     let counts = report.fusion_counts;
     assert_eq!(counts.captured, report.truth.n_captured());
@@ -101,8 +104,12 @@ impl Running {
         }
     }
 
-    fn end(mut self, signal: Signal) -> (Option<i32>, String) {
+    fn ask(&self, signal: Signal) {
         kill_process(Pid::from_raw(self.child.id() as i32).unwrap(), signal).unwrap();
+    }
+
+    fn end(mut self, signal: Signal) -> (Option<i32>, String) {
+        self.ask(signal);
         let code = self.child.wait().unwrap().code();
         (code, std::fs::read_to_string(&self.words).unwrap())
     }
@@ -120,6 +127,27 @@ fn said(output: &Output) -> String {
 }
 
 const SLEEP: &str = "exec sleep 600";
+
+#[test]
+fn systemd_hears_that_a_board_runs_and_how_it_is_though_it_has_no_camera() {
+    let fakes = Fakes::new("fakes-unit", "exit 69", SLEEP);
+    let path = fakes.folder.path().join("notify");
+    let systemd = UnixDatagram::bind(&path).unwrap();
+    let mut command = fakes.command(&["--workers", "1"]);
+    let child = command.env("NOTIFY_SOCKET", &path).stderr(Stdio::null()).spawn().unwrap();
+    let board = Running { child, words: path };
+    let heard = || {
+        let mut bytes = [0; 1000];
+        let n_bytes = systemd.recv(&mut bytes).unwrap();
+        String::from_utf8_lossy(&bytes[..n_bytes]).into_owned()
+    };
+    assert_eq!(heard(), "READY=1\n");
+    let status = heard();
+    assert!(status.starts_with("WATCHDOG=1\nSTATUS=  0.0 frames/s, "), "{status}");
+    assert!(status.contains("capture failed with exit code 69 (no camera)"), "{status}");
+    board.ask(Signal::TERM);
+    while heard() != "STOPPING=1\n" {}
+}
 
 #[test]
 fn a_camera_that_is_not_there_is_waited_for_with_its_reason() {

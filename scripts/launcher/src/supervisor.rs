@@ -6,10 +6,10 @@
 
 use crate::back_off::BackOff;
 use crate::plans::{Plan, Role};
-use crate::processes::{alone, binary, end_all, how_ended, pid};
+use crate::processes::{self, alone, binary, end_all, how_ended, pid, signal};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fd::OwnedFd;
-use rustix::process::{PidfdFlags, pidfd_open};
+use rustix::process::{PidfdFlags, Signal, pidfd_open};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::io;
 use std::path::PathBuf;
@@ -18,6 +18,12 @@ use std::time::{Duration, Instant};
 
 /// Exit code of a process whose flags are wrong: they will not be right the next time.
 const MISUSED: i32 = 2;
+
+/// Capture is waited for so long before the others are asked to end, too.
+const CAPTURE_WITHIN: Duration = Duration::from_secs(1);
+
+/// A worker is done with a frame within this; one that is not loses the last.
+const LAST_FRAME_WITHIN: Duration = Duration::from_millis(30);
 
 /// What became of a process.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -181,8 +187,20 @@ impl Supervisor {
         running.collect()
     }
 
-    /// Ends all; how many had to be killed.
+    /// Ends all; how many had to be killed. Capture goes first, so that the others are done with
+    /// its last frame.
     pub fn end(&mut self) -> usize {
+        let begun = Instant::now();
+        for resident in &mut self.residents {
+            let State::Running { child, .. } = &mut resident.state else { continue };
+            if resident.plan.role == Role::Capture {
+                signal(child, Signal::TERM);
+                while matches!(child.try_wait(), Ok(None)) && begun.elapsed() < CAPTURE_WITHIN {
+                    std::thread::sleep(processes::LOOK_EVERY);
+                }
+                std::thread::sleep(LAST_FRAME_WITHIN);
+            }
+        }
         let running = self.residents.iter_mut().filter_map(|resident| match &mut resident.state {
             State::Running { child, .. } => Some(child),
             _ => None,
