@@ -3,7 +3,8 @@
 //! Read in this order: [`wire`] is messages as bytes, [`keys`] where they are published,
 //! [`session`] the Zenoh session both ends open ([`pairing`] makes the keys, [`access`] says who
 //! may speak under which), [`presence`] whether the other end is there. On a board [`ring`] is the
-//! last ten seconds and [`outbound`] all of it (shared memory → network). Beside fusion [`gaps`]
+//! last ten seconds, [`run`] numbers the bridge's runs, and [`outbound`] is all of it (shared memory
+//! → network). Beside fusion [`gaps`]
 //! brings batches into order, [`clock`] knows the board's time, and [`inbound`] is all of it
 //! (network → shared memory). [`command`] is what boards are told to do, and how they are;
 //! [`recording`] keeps what stood in shared memory in a file, and plays it again.
@@ -33,6 +34,7 @@ pub mod recording;
 pub mod refusal;
 pub mod ring;
 pub mod router;
+pub mod run;
 pub mod session;
 pub mod wire;
 

@@ -9,18 +9,19 @@ use crate::command::seen::Seen;
 use crate::keys;
 use crate::presence::Presence;
 use crate::ring::Ring;
+use crate::run;
 use crate::wire::Stream;
 use crate::wire::batch::{Batch, MAX_MESSAGES, Message, bytes_from_batch};
 use crate::wire::clock::{Ping, Pong};
 use crate::wire::missing::Missing;
 use crate::{Error, network};
 use crossbeam::channel::{Receiver, bounded};
-use shm_layout::ports::{Alarm, MessageReader};
+use shm_layout::ports::{Alarm, MessageReader, MessageWriter};
 use shm_layout::services::{Domain, Member, Place};
-use shm_layout::stamp::now_ns;
+use shm_layout::stamp::{OWN_CLOCK, now_ns};
 use shm_layout::stop::Stop;
-use shm_layout::{Camera, FrameInfo, StampNs, StripCandidates};
-use std::sync::atomic::{AtomicI64, Ordering};
+use shm_layout::{Camera, FrameInfo, Link, StampNs, StripCandidates};
+use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use zenoh::bytes::ZBytes;
@@ -53,6 +54,12 @@ const UNHEARD_NS: i64 = 2_500_000_000;
 /// not remember.
 const GONE_NS: i64 = 10_000_000_000;
 
+/// Fusion pings 20 times a second: it is heard while one came within this.
+const HEARD_NS: i64 = 1_000_000_000;
+
+/// How often this board is told of its link.
+const TELL_EVERY_NS: i64 = 500_000_000;
+
 /// How a session came to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
@@ -69,6 +76,8 @@ struct Archive {
     ring: Arc<Mutex<Ring>>,
     /// When fusion pinged last.
     pinged_ns: Arc<AtomicI64>,
+    /// What it knows of this board's clock.
+    clock_sigma_ns: Arc<AtomicU32>,
 }
 
 impl Archive {
@@ -81,6 +90,7 @@ impl Archive {
 struct Memory {
     infos: MessageReader<FrameInfo>,
     strips: MessageReader<StripCandidates>,
+    links: MessageWriter<Link>,
     alarm: Alarm,
     /// Dropped last: what it opened goes with it.
     _member: Member,
@@ -91,9 +101,10 @@ impl Memory {
         let member = domain.join("bridge")?;
         let candidates = member.candidates()?;
         let (strips, alarm) = (candidates.reader()?, candidates.alarm()?);
+        let links = member.links()?.writer()?;
         // Last: a capture that waits for the bridge begins once somebody reads this.
         let infos = member.frames_info()?.reader()?;
-        Ok(Self { infos, strips, alarm, _member: member })
+        Ok(Self { infos, strips, links, alarm, _member: member })
     }
 }
 
@@ -113,7 +124,8 @@ impl Outbound {
     #[must_use]
     pub fn new(court: &str, camera: Camera, seen: Arc<Seen>) -> Self {
         let (ring, pinged_ns) = (Arc::default(), Arc::default());
-        let archive = Archive { session_id: new_session_id(), ring, pinged_ns };
+        let clock_sigma_ns = Arc::new(AtomicU32::new(OWN_CLOCK));
+        let archive = Archive { session_id: run::id_now(), ring, pinged_ns, clock_sigma_ns };
         Self { court: court.to_owned(), camera, archive, memory: None, seen, sent: Sent::default() }
     }
 
@@ -151,6 +163,7 @@ impl Outbound {
         }
         let Some(memory) = &self.memory else { return Ok(Ended::Stopped) };
         self.archive.pinged_ns.store(now_ns(), Ordering::Relaxed);
+        let mut told_ns = 0;
         while !stop.is_raised() {
             loop {
                 let (infos, strips) = (all_infos(&memory.infos)?, all_strips(&memory.strips)?);
@@ -171,12 +184,29 @@ impl Outbound {
                 }
             }
             memory.alarm.wait()?;
-            let silent_ns = now_ns() - self.archive.pinged_ns.load(Ordering::Relaxed);
+            let now_ns = now_ns();
+            let silent_ns = now_ns - self.archive.pinged_ns.load(Ordering::Relaxed);
+            if now_ns - told_ns >= TELL_EVERY_NS {
+                told_ns = now_ns;
+                memory.links.send(self.link(silent_ns, now_ns))?;
+            }
             if silent_ns > if fusion.is_there() { UNHEARD_NS } else { GONE_NS } {
                 return Ok(Ended::Unheard);
             }
         }
         Ok(Ended::Stopped)
+    }
+
+    /// What this board knows of its link.
+    fn link(&self, silent_ns: i64, noted_ns: StampNs) -> Link {
+        Link {
+            noted_ns,
+            n_batches: self.sent.n_batches,
+            clock_sigma_ns: self.archive.clock_sigma_ns.load(Ordering::Relaxed),
+            camera_idx: self.camera.idx() as u32,
+            is_alive: u32::from(silent_ns < HEARD_NS),
+            ..Link::default()
+        }
     }
 }
 
@@ -238,7 +268,10 @@ fn answer_pings(
             archive.pinged_ns.store(received_ns, Ordering::Relaxed);
             match Ping::from_bytes(&sample.payload().to_bytes()) {
                 // A pong that cannot be sent is one that did not arrive: the next ping comes soon.
-                Ok(ping) => drop(pong.put(archive.pong(ping, received_ns).to_bytes()).wait()),
+                Ok(ping) => {
+                    archive.clock_sigma_ns.store(ping.clock_sigma_ns, Ordering::Relaxed);
+                    drop(pong.put(archive.pong(ping, received_ns).to_bytes()).wait());
+                }
                 Err(refusal) => tracing::debug!("a ping is refused: {refusal}"),
             }
         })
@@ -324,9 +357,4 @@ fn all_strips(reader: &MessageReader<StripCandidates>) -> Result<Vec<Message>, E
         messages.push(Message::Candidates(Box::new(*strip)));
     }
     Ok(messages)
-}
-
-fn new_session_id() -> u64 {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
-    u64::from(std::process::id()) << 40 ^ now.tv_nsec.unsigned_abs() ^ now.tv_sec.unsigned_abs()
 }

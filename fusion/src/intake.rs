@@ -23,6 +23,9 @@ pub struct FrameCounts {
 pub struct Intake {
     gather: Gather,
     recording_id: Option<u64>,
+    /// The recording before, and how many frames are known of it: one stream's messages may
+    /// overtake the other's, and a recording that was cut off is told of to its end all the same.
+    previous: Option<(u64, u64)>,
     /// Frames of recordings that ended because the next one began.
     n_captured_before: u64,
     n_captured: u64,
@@ -35,7 +38,7 @@ impl Intake {
     /// Takes note of a captured frame.
     pub fn update_info(&mut self, info: &FrameInfo) {
         self.note_frame(info.recording_id, info.frame_idx);
-        self.has_last |= info.is_last != 0;
+        self.has_last |= info.is_last != 0 && self.recording_id == Some(info.recording_id);
     }
 
     /// Takes a strip in and gives out the frames that are whole now, in order.
@@ -74,13 +77,22 @@ impl Intake {
     }
 
     fn note_frame(&mut self, recording_id: u64, frame_idx: u64) {
+        let n_known = frame_idx.saturating_add(1);
+        if let Some((previous_id, n_before)) = &mut self.previous
+            && *previous_id == recording_id
+        {
+            self.n_captured_before += n_known.saturating_sub(*n_before);
+            *n_before = n_known.max(*n_before);
+            return;
+        }
         if self.recording_id != Some(recording_id) {
+            self.previous = self.recording_id.map(|id| (id, self.n_captured));
             self.recording_id = Some(recording_id);
             self.n_captured_before += std::mem::take(&mut self.n_captured);
             self.n_processed_before += std::mem::take(&mut self.n_processed);
             self.has_last = false;
         }
-        self.n_captured = self.n_captured.max(frame_idx.saturating_add(1));
+        self.n_captured = self.n_captured.max(n_known);
     }
 
     fn note_processed(&mut self, frames: &[FrameCandidates]) {
@@ -122,6 +134,18 @@ mod tests {
         assert!(intake.has_last() && !intake.is_whole());
         intake.finish();
         assert_eq!(intake.counts(), FrameCounts { captured: 10, processed: 9, lost: 1 });
+    }
+
+    #[test]
+    fn a_recording_that_was_cut_off_is_told_of_to_its_end_after_the_next_began() {
+        let mut intake = Intake::default();
+        let info = |recording_id, frame_idx| FrameInfo { recording_id, ..info(frame_idx, false) };
+        intake.update_info(&info(7, 10));
+        intake.update_info(&info(8, 3));
+        intake.update_info(&info(7, 11));
+        intake.update_info(&info(7, 9));
+        intake.update_info(&info(8, 4));
+        assert_eq!(intake.counts().captured, 12 + 5);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use crate::table::{
 };
 use crate::text::TextService;
 use crate::{Camera, FrameInfo, Link, MAX_SIDE_PX, Shot, StripCandidates, Taken};
+use iceoryx2::node::NodeView as _;
 use iceoryx2::prelude::{
     CallbackProgression, Config, FileName, LogLevel, Node, NodeBuilder, NodeName, NodeState, Path,
     SemanticString, ServiceName, SignalHandlingMode, ipc, set_log_level,
@@ -133,6 +134,29 @@ impl Domain {
         Ok(Member { node })
     }
 
+    /// Who is in this domain, and who was when it was killed.
+    ///
+    /// # Errors
+    /// When the processes of the domain cannot be listed.
+    pub fn members(&self) -> Result<Vec<Present>, Error> {
+        let mut members = Vec::new();
+        Node::<ipc::Service>::list(&self.config, |state| {
+            let is_alive = !matches!(state, NodeState::Dead(_));
+            let details = match &state {
+                NodeState::Alive(node) => node.details().as_ref(),
+                NodeState::Dead(node) => node.details().as_ref(),
+                _ => None,
+            };
+            let name = details.map(|details| details.name().as_str().to_owned());
+            let process_id = details.map_or(0, |details| details.process_id().value());
+            let name = name.unwrap_or_default();
+            members.push(Present { name, process_id, is_alive });
+            CallbackProgression::Continue
+        })
+        .map_err(|e| refused(format!("list the processes of {}", self.prefix))(&e))?;
+        Ok(members)
+    }
+
     /// Removes what killed processes left in this domain and says how many there were.
     ///
     /// # Errors
@@ -171,8 +195,21 @@ impl Domain {
             }
         }
         leaked.sort();
+        // Of one that was killed while it came or went, which iceoryx2 can tell no more of.
+        remove_beginning_with(&self.prefix, std::path::Path::new(&root_of_user()));
         Ok(leaked)
     }
+}
+
+/// A process that joined a domain and has not left it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Present {
+    /// What it joined as; empty when it is just coming or going.
+    pub name: String,
+    /// Its number; 0 when it is just coming or going.
+    pub process_id: i32,
+    /// False if it was killed and nobody has removed what it left.
+    pub is_alive: bool,
 }
 
 /// A process in a domain; what it opened is given back when this is dropped.
@@ -281,6 +318,25 @@ fn names_in_shm() -> Result<Vec<String>, Error> {
     entries
         .map(|entry| Ok(entry.map_err(Error::NoShm)?.file_name().to_string_lossy().into_owned()))
         .collect()
+}
+
+/// Removes a domain's files in a folder, and the folders that only they kept; how many there were.
+/// What cannot be removed is in nobody's way.
+fn remove_beginning_with(prefix: &str, folder: &std::path::Path) -> usize {
+    let mut n_removed = 0;
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            let n_inside = remove_beginning_with(prefix, &path);
+            if n_inside > 0 && folder.ends_with("nodes") {
+                let _ = std::fs::remove_dir(path); // only if it is empty
+            }
+            n_removed += n_inside;
+        } else if entry.file_name().to_string_lossy().starts_with(prefix) {
+            n_removed += usize::from(std::fs::remove_file(path).is_ok());
+        }
+    }
+    n_removed
 }
 
 fn root_of_user() -> String {

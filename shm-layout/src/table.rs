@@ -39,7 +39,8 @@ pub const FRAMES: Row = Row {
     held: 1,
 };
 
-/// Every captured frame without its pixels, so that a lost one is known to be lost.
+/// Every captured frame without its pixels, so that a lost one is known to be lost. Readers: bridge
+/// or fusion, the launcher, a recorder, a listener that measures.
 pub const FRAMES_INFO: Row = Row {
     name: "frames-info",
     message: "FrameInfo",
@@ -52,14 +53,14 @@ pub const FRAMES_INFO: Row = Row {
 };
 
 /// What workers found. Depth: 1.4 s with eight workers. Readers: bridge or fusion, capture (which
-/// paces a recording by it), a listener that measures.
+/// paces a recording by it), the launcher, a recorder, a listener that measures.
 pub const CANDIDATES: Row = Row {
     name: "candidates",
     message: "StripCandidates",
     bytes: size_of::<StripCandidates>(),
     rate_hz: 90 * MAX_STRIPS as usize,
     writers: MAX_STRIPS as usize,
-    readers: 4,
+    readers: 6,
     depth: 1024,
     held: 1,
 };
@@ -88,7 +89,8 @@ pub const SHOTS_JSON: Row = Row {
     held: 1,
 };
 
-/// How each board's link is, twice a second and whenever it changes.
+/// How each board's link is, twice a second and whenever it changes; on a board, how its bridge
+/// sees it.
 pub const LINKS: Row = Row {
     name: "links",
     message: "Link",
@@ -125,7 +127,6 @@ pub const TAKEN: Row = Row {
     held: 1,
 };
 
-/// All services. `frames` and `commands` are on boards only; `links`, `taken` and shots beside
-/// fusion only.
+/// All services. `frames` and `commands` are on boards only; `taken` and shots beside fusion only.
 pub const TABLE: [Row; 8] =
     [FRAMES, FRAMES_INFO, CANDIDATES, COMMANDS, LINKS, TAKEN, SHOTS, SHOTS_JSON];

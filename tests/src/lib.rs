@@ -21,6 +21,9 @@
 //! [`label_file`], made on the page that [`labelling`] serves to itself alone ([`sender`]).
 //! [`evaluation`] and [`overlay`] say and show how well balls are found there.
 //!
+//! A [`witness`] keeps an account of every frame; [`kills`] says how soon a board goes on without
+//! one of its processes.
+//!
 //! [`accuracy`] says how well `fusion` measures shots, from candidates and from pixels; [`courts`]
 //! how well rigs are calibrated from a court's lines; [`bumped`] how soon `fusion` notices that a
 //! camera was turned.
@@ -102,6 +105,10 @@ pub mod processes;
 
 pub mod chain;
 pub mod club;
+
+pub mod witness;
+
+pub mod kills;
 
 pub mod link;
 

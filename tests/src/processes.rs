@@ -5,20 +5,14 @@
 //! neither an early return nor a panic leaves anybody behind.
 
 use crate::hosts::Host;
+use launcher::processes::{self, LOOK_EVERY, how_ended, signal};
 use shm_layout::Camera;
 use shm_layout::services::{self, Domain, Place};
 use shm_layout::stop::Stop;
 use std::ffi::OsStr;
 use std::net::TcpListener;
-use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
-
-/// How long a process may take to end after SIGTERM before it is killed.
-const STOP_WITHIN: Duration = Duration::from_secs(5);
-/// How often processes are looked at.
-const LOOK_EVERY: Duration = Duration::from_millis(5);
+use std::process::{Child, Command, Stdio};
 
 /// Why the processes could not do what they were started for.
 #[derive(Debug, thiserror::Error)]
@@ -90,12 +84,8 @@ impl Household {
     /// # Errors
     /// When the running binary cannot be found.
     pub fn new(court: &str) -> Result<Self, Error> {
-        let here = std::env::current_exe()
+        let binaries = processes::folder()
             .map_err(|why| Error::System { what: "find the running binary".to_owned(), why })?;
-        let mut binaries = here.parent().unwrap_or(Path::new(".")).to_owned();
-        if binaries.ends_with("deps") {
-            binaries.pop(); // a test binary stands one below the others
-        }
         Ok(Self { court: court.to_owned(), binaries, residents: Vec::new() })
     }
 
@@ -129,13 +119,10 @@ impl Household {
         stdout: Stdio,
     ) -> Result<&mut Child, Error> {
         let path = self.binary(binary)?;
-        let child = host
-            .map_or_else(|| Command::new(&path), |host| host.command(&path))
-            .args(arguments)
-            .args(["--court", &self.court, "--with-parent"])
-            .stdin(Stdio::null())
+        let mut command = host.map_or_else(|| Command::new(&path), |host| host.command(&path));
+        command.args(arguments).args(["--court", &self.court, "--with-parent"]);
+        let child = processes::alone(command)
             .stdout(stdout)
-            .process_group(0) // Ctrl-C reaches this process alone, which then stops the others
             .spawn()
             .map_err(|why| Error::System { what: format!("start {}", path.display()), why })?;
         let name = name.to_owned();
@@ -149,8 +136,8 @@ impl Household {
     /// # Errors
     /// When it is not built.
     pub fn binary(&self, binary: &str) -> Result<PathBuf, Error> {
-        let path = self.binaries.join(binary);
-        if path.is_file() { Ok(path) } else { Err(Error::NotBuilt { path }) }
+        processes::binary(&self.binaries, binary)
+            .ok_or_else(|| Error::NotBuilt { path: self.binaries.join(binary) })
     }
 
     /// Names and process numbers of those still running.
@@ -229,21 +216,13 @@ impl Household {
     }
 
     fn end_all(&mut self) {
-        for resident in &self.residents {
-            if !resident.is_done {
-                signal(&resident.child, rustix::process::Signal::TERM);
-            }
-        }
-        let begun = Instant::now();
-        for resident in &mut self.residents {
-            while matches!(resident.child.try_wait(), Ok(None)) {
-                if begun.elapsed() > STOP_WITHIN {
-                    signal(&resident.child, rustix::process::Signal::KILL);
-                }
-                std::thread::sleep(LOOK_EVERY);
-            }
+        let residents = self.residents.iter_mut().filter(|resident| !resident.is_done);
+        let mut children: Vec<&mut Child> = Vec::new();
+        for resident in residents {
             resident.is_done = true;
+            children.push(&mut resident.child);
         }
+        processes::end_all(&mut children);
     }
 }
 
@@ -289,20 +268,4 @@ pub fn free_endpoint() -> Result<String, Error> {
     let address =
         address.map_err(|why| Error::System { what: "find a free TCP port".to_owned(), why })?;
     Ok(format!("tcp/{address}"))
-}
-
-fn signal(child: &Child, signal: rustix::process::Signal) {
-    if let Some(pid) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
-        // It may have ended since: then there is nobody to signal.
-        let _ = rustix::process::kill_process(pid, signal);
-    }
-}
-
-fn how_ended(status: ExitStatus) -> String {
-    match (status.code(), status.signal()) {
-        (Some(0), _) => "ended early".to_owned(),
-        (Some(code), _) => format!("failed with exit code {code}"),
-        (None, Some(signal)) => format!("was killed by signal {signal}"),
-        (None, None) => format!("ended: {status}"),
-    }
 }

@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used)] // all of it is test code; the lint only knows #[test] functions
 
 mod accuracy; // what a shot is measured as, against its truth
+mod board; // a board whose processes die, under its launcher
 mod chessboard; // pictures of a board become a rig
 mod commands; // what boards are told to do
 mod court; // pictures of a court's lines become a rig
@@ -18,6 +19,7 @@ mod residents; // processes that are killed, and Ctrl-C
 mod run; // starting `track` and reading what it wrote
 mod same_bits; // the candidates do not depend on the number of workers
 mod scenes; // how well balls are found, scene by scene
+mod sizes; // capture begins anew with frames of another size
 mod sweep; // how well shots are measured, cell by cell
 mod tidy; // the house rules
 mod usb_camera; // V4L2, answered by a library

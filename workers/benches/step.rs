@@ -4,9 +4,11 @@
 //! slows all of them; the figures are medians over rounds, and the ratios are what counts. The
 //! limit is one pass that only updates a mean and a variance per pixel (Eq 15, 16 in fixed point),
 //! tests three sigma and packs a mask: less than any detector must do.
+//!
+//! With `--steps N` it does nothing but N steps on a quiet court: `scripts/arm64-cost` counts them.
 #![allow(unsafe_code)] // the limit is written with intrinsics
 
-use rand::{RngExt as _, SeedableRng as _};
+use rand::{Rng as _, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use shm_layout::{FrameInfo, StripCandidates};
 use std::hint::black_box;
@@ -96,6 +98,7 @@ impl Limit {
     }
 }
 
+#[cfg(target_arch = "x86_64")]
 type Model<'a> = ((&'a mut [i16; 32], &'a mut [u16; 32]), &'a mut u32);
 
 #[cfg(target_arch = "x86_64")]
@@ -240,7 +243,33 @@ fn stages(size_px: (u32, u32), scene: &str, n_noise: usize) {
     println!("  blobs {:.1}, spots {:.1} a frame", mean(n_blobs), mean(n_spots));
 }
 
+/// So many steps on a court where nothing moves, and how many candidates that makes.
+fn steps((width, height): (u32, u32), n: usize) {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut random = || rng.next_u32().to_le_bytes();
+    let ground: Vec<u8> = (0..width * height).map(|_| 90 + random()[0] % 40).collect();
+    let mut frame = || -> Vec<u8> {
+        // A sum of four bytes is nearly Gaussian; this one has a sigma of 2.3 grey levels.
+        let noise = |[a, b, c, d]: [u8; 4]| [a, b, c, d].map(u32::from).iter().sum::<u32>() / 64;
+        ground.iter().map(|level| level + noise(random()) as u8).collect()
+    };
+    let frames: [Vec<u8>; 7] = std::array::from_fn(|_| frame());
+    let mut worker = Worker::new(Strip::new(0, 1, (width, height)), &Settings::DEFAULT);
+    let n_found: u32 = (0..n)
+        .map(|at| {
+            let info = FrameInfo { frame_idx: at as u64, ..FrameInfo::default() };
+            worker.update(&info, &frames[at % frames.len()]).n_candidates
+        })
+        .sum();
+    println!("{n} steps, {n_found} candidates");
+}
+
 fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    if let Some(at) = arguments.iter().position(|argument| argument == "--steps") {
+        let n = arguments.get(at + 1).and_then(|n| n.parse().ok());
+        return steps((640, 480), n.expect("--steps N"));
+    }
     let default = Settings::DEFAULT.method;
     let best = [(default.clone(), Simd::best())];
     for size_px in [(640, 480), (1280, 720)] {

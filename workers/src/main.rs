@@ -98,11 +98,19 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
                 tracing::warn!(?info, n_bytes = frame.payload().len(), "frame refused");
                 continue;
             }
+            if current.as_ref().is_some_and(|(newest, _)| is_overtaken(&info, newest)) {
+                // Of a capture that was killed, behind its successor's first: no strip goes back.
+                tracing::debug!(?info, "frame of a recording that is over");
+                continue;
+            }
             if forget_at.is_some_and(|first_idx| info.frame_idx >= first_idx) {
                 (current, forget_at) = (None, None);
             }
             let worker = match &mut current {
-                Some((before, worker)) if is_same_recording(before, &info) => worker,
+                Some((before, worker)) if is_same_recording(before, &info) => {
+                    *before = info;
+                    worker
+                }
                 slot => {
                     // Another camera mode or run: its background is not ours, nor its numbers.
                     forget_at = None;
@@ -155,6 +163,11 @@ fn info_fits(info: &FrameInfo, n_bytes: usize) -> bool {
 fn is_same_recording(before: &FrameInfo, info: &FrameInfo) -> bool {
     let identity = |i: &FrameInfo| (i.recording_id, i.width_px, i.height_px);
     identity(before) == identity(info)
+}
+
+/// Whether a frame is of an earlier recording than the newest frame so far.
+fn is_overtaken(info: &FrameInfo, newest: &FrameInfo) -> bool {
+    info.recording_id != newest.recording_id && info.published_ns < newest.published_ns
 }
 
 fn number_from_text(text: &str, least: f32, most: f32) -> Result<f32, String> {

@@ -1,12 +1,12 @@
 //! One command → done on this board.
 
-use super::machine;
 use super::recording::{Recorder, Wanted};
 use super::seen::Counts;
 use super::{Refused, Setting};
 use crate::Error;
 use crate::wire::command::{Answer, CameraSettings, Command, Health, Image, MAX_IMAGE_BYTES};
 use shm_layout::commands::{self, CommandClient, Kind, Outcome};
+use shm_layout::machine;
 use shm_layout::services::{Domain, Member, Place};
 use std::path::Path;
 use std::time::{Duration, Instant};

@@ -1,8 +1,7 @@
 //! Commands on the network → done on the board, each answered with success or the reason.
 //!
-//! Read in this order: [`seen`] is what the bridge counts while it moves data, [`machine`] what the
-//! machine tells of itself, [`recording`] a recorder as a child, [`board`] does what is asked; here
-//! questions are taken and answered. [`relay`] passes them on beside fusion. [`commander`] is the
+//! Read in this order: [`seen`] is what the bridge counts while it moves data, [`recording`] a
+//! recorder as a child, [`board`] does what is asked; here questions are taken and answered. [`relay`] passes them on beside fusion. [`commander`] is the
 //! asking end, [`cli`] its command line.
 //!
 //! Commands have a thread of their own, so that data never waits for one. They are done one after
@@ -15,7 +14,6 @@
 pub mod board;
 pub mod cli;
 pub mod commander;
-pub mod machine;
 pub mod recording;
 pub mod relay;
 pub mod seen;

@@ -1,8 +1,8 @@
 //! A command to record → the binary `record`, started beside this one as a child.
 
 use super::Refused;
-use super::machine::free_disk_bytes;
 use shm_layout::Camera;
+use shm_layout::machine::free_disk_bytes;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};

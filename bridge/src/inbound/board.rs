@@ -2,6 +2,7 @@
 
 use crate::clock::{Clock, Estimate, Exchange};
 use crate::gaps::{Counts, Order};
+use crate::run;
 use crate::wire::batch::{Batch, Message};
 use crate::wire::clock::Pong;
 use crate::wire::missing::Missing;
@@ -64,6 +65,9 @@ impl Board {
 
     /// Takes a batch in; gives out the messages that are next.
     pub fn take_batch(&mut self, stream: Stream, batch: Batch, now_ns: StampNs) -> Vec<Message> {
+        if self.heard.is_some_and(|(heard_id, _)| run::is_next_of(heard_id, batch.session_id)) {
+            return Vec::new(); // of a run that was killed, and late
+        }
         if !self.is_heard(batch.session_id, now_ns) {
             self.refuse("two boards say that they are this camera: one of them is not heard");
             return Vec::new();
@@ -141,16 +145,20 @@ impl Board {
         [self.orders[0].counts(), self.orders[1].counts()]
     }
 
+    /// 1 sigma of the board's clock; [`OWN_CLOCK`] while nothing is known.
+    #[must_use]
+    pub fn clock_sigma_ns(&self) -> u32 {
+        self.clock.estimate().map_or(OWN_CLOCK, |estimate| sigma_from(&estimate))
+    }
+
     /// What others are told of this link.
     #[must_use]
     pub fn link(&self, is_alive: bool, noted_ns: StampNs) -> Link {
         let sum = |count: fn(&Counts) -> u64| self.counts().iter().map(count).sum();
-        let unknown = Link { clock_sigma_ns: OWN_CLOCK, ..Link::default() };
-        let clock = self.clock.estimate().map_or(unknown, |estimate| Link {
+        let clock = self.clock.estimate().map_or(Link::default(), |estimate| Link {
             board_minus_here_ns: estimate.board_minus_here_ns,
             round_trip_ns: estimate.round_trip_ns,
             rate: estimate.rate,
-            clock_sigma_ns: sigma_from(&estimate),
             ..Link::default()
         });
         Link {
@@ -159,6 +167,7 @@ impl Board {
             n_filled: sum(|counts| counts.n_filled),
             n_lost: sum(|counts| counts.n_lost) + self.n_unwaited,
             n_refused: self.n_refused,
+            clock_sigma_ns: self.clock_sigma_ns(),
             camera_idx: self.camera.idx() as u32,
             is_alive: u32::from(is_alive),
             ..clock
@@ -168,15 +177,20 @@ impl Board {
     /// Whether this run of a board's bridge is the one that is heard.
     fn is_heard(&mut self, session_id: u64, now_ns: StampNs) -> bool {
         match self.heard {
+            // What a run sent before it was killed may come after its successor's first words.
+            Some((heard_id, _)) if run::is_next_of(heard_id, session_id) => false,
             Some((heard_id, at_ns))
-                if heard_id != session_id && now_ns.saturating_sub(at_ns) < SILENT_NS =>
+                if heard_id != session_id
+                    && !run::is_next_of(session_id, heard_id)
+                    && now_ns.saturating_sub(at_ns) < SILENT_NS =>
             {
                 false
             }
             before => {
                 if before.is_some_and(|(heard_id, _)| heard_id != session_id) {
-                    // Another run, perhaps another machine: its clock is not the last one's.
-                    self.clock = Clock::default();
+                    if !before.is_some_and(|(id, _)| run::is_same_board(id, session_id)) {
+                        self.clock = Clock::default();
+                    }
                     self.end_idx = [0; N_STREAMS];
                     self.asked = [Asked::default(); N_STREAMS];
                 }
@@ -296,17 +310,31 @@ mod tests {
     }
 
     #[test]
+    fn the_next_run_of_a_board_takes_over_at_once_with_its_clock() {
+        let mut board = Board::new(Camera::Left);
+        know_the_clock(&mut board, 7, 0);
+        let sigma_ns = board.clock_sigma_ns();
+        let now_ns = 500_000_000;
+        let next = board.take_batch(Stream::FramesInfo, batch(8, 0, vec![info(5, 0)]), now_ns);
+        let late = board.take_batch(Stream::FramesInfo, batch(7, 0, vec![info(4, 0)]), now_ns);
+        assert_eq!((next.len(), late.len()), (1, 0));
+        assert_eq!((board.clock_sigma_ns(), board.link(true, 0).n_refused), (sigma_ns, 0));
+    }
+
+    #[test]
     fn a_second_board_of_the_same_camera_is_not_heard_while_the_first_is() {
         let mut board = Board::new(Camera::Left);
         know_the_clock(&mut board, 7, 0);
         let strip = || Message::Candidates(Box::default());
         let now_ns = 1_000_000_000;
         let mine = board.take_batch(Stream::Candidates, batch(7, 0, vec![strip()]), now_ns);
-        let other = board.take_batch(Stream::Candidates, batch(8, 0, vec![strip()]), now_ns);
+        let other_id = 8 << 32;
+        let other = batch(other_id, 0, vec![strip()]);
+        let other = board.take_batch(Stream::Candidates, other, now_ns);
         assert_eq!((mine.len(), other.len(), board.link(true, 0).n_refused), (1, 0, 1));
         let later_ns = now_ns + SILENT_NS;
-        board.take_batch(Stream::Candidates, batch(8, 0, vec![strip()]), later_ns);
+        board.take_batch(Stream::Candidates, batch(other_id, 0, vec![strip()]), later_ns);
         assert_eq!(board.link(true, 0).clock_sigma_ns, OWN_CLOCK, "another machine's clock");
-        assert_eq!(know_the_clock(&mut board, 8, 1).len(), 1);
+        assert_eq!(know_the_clock(&mut board, other_id, 1).len(), 1);
     }
 }

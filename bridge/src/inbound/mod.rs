@@ -268,7 +268,9 @@ impl<'a> Side<'a> {
             self.pinged_ns = now_ns;
             // Whether or not its token is here: a board's older session may go last.
             // Stamped as late as can be. One that cannot be sent is one that did not arrive.
-            drop(self.pings.put(Ping { sent_ns: shm_layout::stamp::now_ns() }.to_bytes()).wait());
+            let clock_sigma_ns = self.board.clock_sigma_ns();
+            let ping = Ping { sent_ns: shm_layout::stamp::now_ns(), clock_sigma_ns };
+            drop(self.pings.put(ping.to_bytes()).wait());
         }
     }
 

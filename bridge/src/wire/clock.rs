@@ -12,6 +12,9 @@ const MAX_BYTES: usize = 256;
 pub struct Ping {
     /// When it was asked, on the asker's clock.
     pub sent_ns: StampNs,
+    /// 1 sigma of the board's clock as the asker knows it by now;
+    /// [`shm_layout::stamp::OWN_CLOCK`] while it does not.
+    pub clock_sigma_ns: u32,
 }
 
 /// A board's answer.
@@ -80,6 +83,12 @@ mod tests {
                 end_idx: [counts[3], counts[4]],
             };
             prop_assert_eq!(Pong::from_bytes(&pong.to_bytes()), Ok(pong));
+        }
+
+        #[test]
+        fn a_ping_comes_back_as_it_was(sent_ns in any::<i64>(), clock_sigma_ns in any::<u32>()) {
+            let ping = Ping { sent_ns, clock_sigma_ns };
+            prop_assert_eq!(Ping::from_bytes(&ping.to_bytes()), Ok(ping));
         }
 
         #[test]
