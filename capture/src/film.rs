@@ -16,6 +16,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 const SILENT: Duration = Duration::from_secs(1);
 const SILENT_FRAMES: f64 = 10.0;
 
+/// Copies that take longer are counted as this.
+const LONGEST_COPY_US: u64 = 1_000_000;
+
 /// What became of a camera's frames.
 #[derive(Debug, Clone)]
 pub struct Filmed {
@@ -58,7 +61,7 @@ pub fn film(
     frame_rate_hz: f64,
     n_wanted: Option<u64>,
 ) -> Result<Filmed, Error> {
-    let copy_us = Histogram::new(2).expect("two digits are in range");
+    let copy_us = Histogram::new_with_bounds(1, LONGEST_COPY_US, 2).expect("they are in range");
     let mut filmed = Filmed {
         n_frames: 0,
         n_dropped: 0,

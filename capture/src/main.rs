@@ -162,9 +162,17 @@ fn run_camera(
     tracing::info!(camera = camera.name(), width_px, height_px, ?settled, "filming");
     let n_wanted = flags.frames;
     let rate_hz = wanted.frame_rate_hz;
-    let filmed = film(camera.as_mut(), &mut publisher, &mut orders, rate_hz, n_wanted)?;
-    eprintln!("capture {side}: {filmed}");
-    Ok(())
+    match film(camera.as_mut(), &mut publisher, &mut orders, rate_hz, n_wanted) {
+        Ok(filmed) => {
+            eprintln!("capture {side}: {filmed}");
+            Ok(())
+        }
+        Err(why) => {
+            // A camera that has gone may never answer being stopped; this process must end.
+            std::mem::forget(camera);
+            Err(why.into())
+        }
+    }
 }
 
 fn run_recording(flags: &Flags, member: &Member, side: Camera, stop: &Stop) -> anyhow::Result<()> {

@@ -30,13 +30,15 @@ impl Virtual {
     fn show(&self, pictures: &Path) {
         let folder = self.place.join("share/libcamera/pipeline/virtual");
         std::fs::create_dir_all(&folder).unwrap();
-        let text = format!(
-            "%YAML 1.1\n---\n\"VirtualBall\":\n  supported_formats:\n    - {{ width: 640, height: 480, \
-             frame_rates: [1, 500] }}\n    - {{ width: 1280, height: 720, frame_rates: [1, 500] \
-             }}\n  frames: {{ path: \"{}/\" }}\n  location: \"CameraLocationFront\"\n  model: \
-             \"Virtual tennis\"\n",
-            pictures.display()
-        );
+        let size = |width_px: u32, height_px: u32| {
+            let rates = "frame_rates: [1, 500]";
+            format!("    - {{ width: {width_px}, height: {height_px}, {rates} }}\n")
+        };
+        let sizes = size(640, 480) + &size(1280, 720);
+        let frames = format!("  frames: {{ path: \"{}/\" }}\n", pictures.display());
+        let rest = "  location: \"CameraLocationFront\"\n  model: \"Virtual tennis\"\n";
+        let head = "%YAML 1.1\n---\n\"VirtualBall\":\n  supported_formats:\n";
+        let text = [head, &sizes, &frames, rest].concat();
         std::fs::write(folder.join("virtual.yaml"), text).unwrap();
     }
 
