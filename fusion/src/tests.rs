@@ -1,9 +1,11 @@
 //! Laws of the whole chain.
 
 use super::*;
+use nalgebra::{Point3, Vector3};
 use pretend::{POOR_SIGHT, Serve, Sight};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rand_distr::Distribution as _;
 use shm_layout::Candidate;
 
 /// Runs what both cameras see through the whole chain.
@@ -103,6 +105,56 @@ fn a_rig_without_a_court_measures_speed_and_says_so() {
     let launch = shots[0].launch.as_ref().unwrap();
     assert!((20.0..27.8).contains(&launch.velocity_m_s.norm()), "{launch:?}");
     assert_eq!((launch.direction, &shots[0].bounce), (None, &None));
+}
+
+/// What both cameras see of a toss by hand over the model, 90 frames/s, and where it bounces.
+fn desk_toss(rig: &Rig, elevation_deg: f64) -> (pretend::Frames, Point3<f64>) {
+    const STEP_S: f64 = 1e-5;
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let noise_px = rand_distr::Normal::new(0.0, 0.15).unwrap();
+    // A toss of 4.5 m/s; the clay of the file, a drag coefficient of 0.55, ten times gravity.
+    let drag_per_m = 0.5 * 1.2 * std::f64::consts::PI * 0.033_f64.powi(2) / 0.25 * 0.55;
+    let (sin, cos) = elevation_deg.to_radians().sin_cos();
+    let (mut p, mut v) = (Point3::new(0.0, 0.0, 1.0), Vector3::new(0.01, cos, sin) * 45.0);
+    let (mut bounce, mut frames, mut flown_s) = (None, Vec::new(), 0.0);
+    for frame_idx in 0..120 {
+        let t_s = frame_idx as f64 / 90.0 - 0.5;
+        while flown_s < t_s {
+            v -= (v * v.norm() * drag_per_m + Vector3::z() * 98.1) * STEP_S;
+            p += v * STEP_S;
+            flown_s += STEP_S;
+            if p.z < 0.033 && v.z < 0.0 {
+                bounce.get_or_insert(p);
+                v = Vector3::new(v.x, 0.7 * v.y, -0.7 * v.z);
+            }
+        }
+        for camera in Camera::BOTH {
+            let raw = rig.raw_from_tracking(camera, &p).filter(|_| t_s >= 0.0);
+            let spot = raw.filter(|raw| rig.eye(camera).lens.contains(*raw)).map(|raw| {
+                let mut off = || noise_px.sample(&mut rng);
+                Candidate::at((raw.x_px + off()) as f32, (raw.y_px + off()) as f32)
+            });
+            let exposed_ns = frame_idx * 1_000_000_000 / 90;
+            let spots = spot.into_iter().collect();
+            frames.push((camera, pretend::frame(frame_idx as u64, exposed_ns, spots)));
+        }
+    }
+    (frames, bounce.unwrap())
+}
+
+#[test]
+fn a_toss_over_the_model_on_a_desk_is_measured_as_if_it_were_a_court() {
+    let rig: Rig = include_str!("../rigs/desk.toml").parse().unwrap();
+    assert_eq!((rig.scale(), rig.physics().gravity_m_s2.z), (0.1, -98.1));
+    for elevation_deg in [20.0, 24.0, 28.0] {
+        let (frames, bounce_m) = desk_toss(&rig, elevation_deg);
+        let (fusion, shots) = pretend::told(rig.clone(), Settings::default(), &frames);
+        assert_eq!(shots.len(), 1, "{elevation_deg}: {:?}", fusion.rejected());
+        assert_eq!(shots[0].outcome, Outcome::Measured);
+        let off_m = shots[0].bounce.as_ref().unwrap().position_m - bounce_m;
+        println!("{elevation_deg} deg: {bounce_m}, {:.2} mm off on the desk", 100.0 * off_m.norm());
+        assert!(off_m.xy().norm() < 0.05, "{off_m}");
+    }
 }
 
 #[test]

@@ -52,6 +52,8 @@ pub struct Rig {
     ball: Ball,
     launcher_in_court_m: Option<Point3<f64>>,
     covariance: Option<Box<RigCovariance>>,
+    /// See [`Rig::scale`].
+    scale: f64,
 }
 
 /// Closer than this the pair measures no depth: 1 px of disparity is 10 m at 4 m distance.
@@ -76,7 +78,8 @@ impl Rig {
         ball: Ball,
         launcher_in_court_m: Option<Point3<f64>>,
     ) -> Result<Self, Error> {
-        let rig = Self { eyes, mounting, ball, launcher_in_court_m, covariance: None };
+        let covariance = None;
+        let rig = Self { eyes, mounting, ball, launcher_in_court_m, covariance, scale: 1.0 };
         rig.check_eyes()?;
         rig.check_stand()?;
         for (key, value) in [("diameter_m", ball.diameter_m), ("mass_kg", ball.mass_kg)] {
@@ -233,14 +236,35 @@ impl Rig {
     /// # Errors
     /// As [`Rig::new`].
     pub fn with_mounting(&self, mounting: Mounting) -> Result<Self, Error> {
-        Self::new(self.eyes, mounting, self.ball, self.launcher_in_court_m)
+        Self::new(self.eyes, mounting, self.ball, self.launcher_in_court_m)?.with_scale(self.scale)
+    }
+
+    /// Of a model of a court: its length over a court's. All other lengths, here and in what is
+    /// measured, are those of the court it stands for; times are as they are, so what falls does so
+    /// `1 / scale` times as fast.
+    #[must_use]
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The same rig over a model of a court.
+    ///
+    /// # Errors
+    /// [`Error::RigValue`] if the scale is not 0.01 to 1.
+    pub fn with_scale(self, scale: f64) -> Result<Self, Error> {
+        if !(0.01..=1.0).contains(&scale) {
+            return Err(refused("model.scale", scale, "0.01 to 1"));
+        }
+        Ok(Self { scale, ..self })
     }
 
     /// What bends a flight in the tracking frame; without a court no gravity is assumed.
     #[must_use]
     pub fn physics(&self) -> Physics {
         let (gravity_m_s2, unknown_m_s2) = match self.mounting {
-            Mounting::Court { .. } => (Vector3::new(0.0, 0.0, -GRAVITY_M_S2), SPIN_SIGMA_M_S2),
+            Mounting::Court { .. } => {
+                (Vector3::new(0.0, 0.0, -GRAVITY_M_S2 / self.scale), SPIN_SIGMA_M_S2)
+            }
             Mounting::Stereo { .. } => (Vector3::zeros(), SPIN_SIGMA_M_S2 + GRAVITY_M_S2),
         };
         Physics {
@@ -302,6 +326,17 @@ mod tests {
         let (sin, cos) = tilt_rad.sin_cos();
         let rows = [[1.0, 0.0, 0.0], [0.0, -sin, cos], [0.0, -cos, -sin]];
         isometry_from("R", rows, "C", [0.0, 0.0, height_m]).unwrap()
+    }
+
+    #[test]
+    fn a_model_keeps_its_scale_when_its_cameras_move() {
+        let text = format!("{}\n[model]\nscale = 0.1\n", pretend::REFERENCE_RIG);
+        let rig: Rig = text.parse().unwrap();
+        let moved = rig.with_mounting(*rig.mounting()).unwrap();
+        let adjusted = moved.adjusted(&crate::world::adjustment::RigStep::zeros()).unwrap();
+        assert_eq!(adjusted.to_string().parse::<Rig>().unwrap().scale(), 0.1);
+        let error = text.replace("0.1\n", "10\n").parse::<Rig>().unwrap_err().to_string();
+        assert!(error.contains("model.scale") && error.contains("0.01 to 1"), "{error}");
     }
 
     #[test]

@@ -21,6 +21,7 @@ struct RigView {
     stereo: Option<StereoView>,
     ball: Option<BallView>,
     launcher: Option<LauncherView>,
+    model: Option<ModelView>,
     calibration: Option<CalibrationView>,
 }
 
@@ -57,6 +58,13 @@ struct BallView {
 #[serde(deny_unknown_fields)]
 struct LauncherView {
     position_in_court_m: [f64; 3],
+}
+
+/// A model of a court, such as the thesis' on a desk.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelView {
+    scale: f64,
 }
 
 /// How sure the numbers above are; written by `calibrate`.
@@ -103,7 +111,8 @@ impl std::str::FromStr for Rig {
             mass_kg: ball.mass_kg.unwrap_or(itf.mass_kg),
         });
         let launcher = view.launcher.map(|launcher| Point3::from(launcher.position_in_court_m));
-        let rig = Self::new(eyes, mounting, ball, launcher)?;
+        let scale = view.model.map_or(1.0, |model| model.scale);
+        let rig = Self::new(eyes, mounting, ball, launcher)?.with_scale(scale)?;
         match view.calibration {
             Some(calibration) => rig.with_covariance(covariance_from(&calibration)?),
             None => Ok(rig),
@@ -218,6 +227,9 @@ impl fmt::Display for Rig {
         if let Some(launcher) = self.launcher_in_court_m() {
             let position: [f64; 3] = launcher.coords.into();
             writeln!(f, "\n[launcher]\nposition_in_court_m = {position:?}")?;
+        }
+        if self.scale() != 1.0 {
+            writeln!(f, "\n[model]\nscale = {:?}", self.scale())?;
         }
         if let Some(covariance) = self.covariance() {
             let known: Vec<usize> = (0..RIG).filter(|&i| covariance[(i, i)] > 0.0).collect();

@@ -21,7 +21,8 @@ pub struct Flags {
     #[arg(long, env = "TENNIS_CAMERA")]
     pub camera: Camera,
     /// How many workers share a frame [default: one core is left to the others].
-    #[arg(long, env = "TENNIS_WORKERS", value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
+    #[arg(long, env = "TENNIS_WORKERS")]
+    #[arg(value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
     pub workers: Option<u32>,
     /// Where the bridge beside fusion listens, as tls/192.168.1.5:7447 [default: found in the
     /// network with keys, on this machine without].
