@@ -73,9 +73,10 @@ pub enum Error {
     },
     /// This binary was built without libcamera.
     #[error(
-        "this capture was built without libcamera. With its headers there (Debian, Raspberry Pi OS: \
-         apt install libcamera-dev libclang-dev g++): cargo build --release -p capture --features \
-         libcamera; or install the package tennis-eyes-libcamera"
+        "this capture was built without libcamera. Raspberry Pi OS trixie: the package tennis-eyes \
+         for arm64 has capture-libcamera, which needs libcamera0.7. Elsewhere build it on the \
+         machine: apt install libcamera-dev libclang-dev g++ pkg-config; cargo build --release -p \
+         capture --features libcamera"
     )]
     WithoutLibcamera,
     /// No camera, or not the one that was asked for.

@@ -120,16 +120,25 @@ fn main() -> ExitCode {
 }
 
 /// A package for boards has a second `capture` that was built with libcamera: it takes the same
-/// flags. Returns if there is none, and this one says what is missing.
+/// flags. Returns if there is none or it does not start, and this one says what is missing.
 #[cfg(not(feature = "libcamera"))]
 fn go_on_as_neighbour() {
     use std::os::unix::process::CommandExt as _;
+    use std::process::Command;
     let Ok(here) = std::env::current_exe() else { return };
     let neighbour = here.with_file_name("capture-libcamera");
-    if neighbour.is_file() {
-        let why = std::process::Command::new(&neighbour).args(std::env::args_os().skip(1)).exec();
-        eprintln!("capture: {}: {why}", neighbour.display());
+    if !neighbour.is_file() {
+        return;
     }
+    // Without its libraries it ends before it is itself, and cameras on USB would not be listed.
+    let why = match Command::new(&neighbour).arg("--version").output() {
+        Ok(tried) if tried.status.success() => {
+            Command::new(&neighbour).args(std::env::args_os().skip(1)).exec().to_string()
+        }
+        Ok(tried) => String::from_utf8_lossy(&tried.stderr).trim().to_owned(),
+        Err(why) => why.to_string(),
+    };
+    eprintln!("capture: {} does not start: {why}", neighbour.display());
 }
 
 fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
