@@ -17,6 +17,7 @@
 //! candidates come from is not this room's concern.
 #![forbid(unsafe_code)]
 
+pub mod aim;
 pub mod arrivals;
 pub mod calibration;
 pub mod candidates;

@@ -33,11 +33,11 @@ const ELEVATIONS_RAD: RangeInclusive<f64> = -PI / 9.0..=PI / 2.25;
 const AZIMUTHS_RAD: RangeInclusive<f64> = -FRAC_PI_2..=FRAC_PI_2;
 const BACKSPINS_RAD_S: RangeInclusive<f64> = -600.0..=600.0;
 
-/// A setting that no ball machine has.
+/// A number that no ball machine can be told, or asked for.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("`{field}` is {got}, expected {expected}")]
 pub struct Refused {
-    /// Which of [`Commanded::new`]'s arguments.
+    /// Which one.
     pub field: &'static str,
     /// Its value.
     pub got: f64,
@@ -136,7 +136,7 @@ impl Reference {
         let mut reference = Self {
             launch,
             flight_time_s,
-            apex_m: apex_of(&trajectory, flight_time_s),
+            apex_m: trajectory.place_at(apex_s(&trajectory, flight_time_s)).position_m,
             net_height_m: None,
             before_bounce,
             after_bounce: Aloft { position_m, velocity_m_s: out_m_s, spin_rad_s: spin_out_rad_s },
@@ -183,9 +183,9 @@ fn ball_at(trajectory: &Trajectory, launch: &Aloft, t_s: f64) -> Aloft {
     Aloft { position_m: here.position_m, velocity_m_s: here.velocity_m_s, spin_rad_s }
 }
 
-/// The highest place up to a time. A ball that backspin lifts may fall before it rises, so the
+/// When it is highest, up to a time. A ball that backspin lifts may fall before it rises, so the
 /// highest step is looked for first, and the level place next to it then.
-fn apex_of(trajectory: &Trajectory, flight_time_s: f64) -> Point3<f64> {
+pub(crate) fn apex_s(trajectory: &Trajectory, flight_time_s: f64) -> f64 {
     let height_m = |t_s: f64| trajectory.place_at(t_s).position_m.z;
     let times_s = (0..=(flight_time_s / STEP_S) as usize).map(|i| i as f64 * STEP_S);
     let highest_s = times_s
@@ -198,7 +198,7 @@ fn apex_of(trajectory: &Trajectory, flight_time_s: f64) -> Point3<f64> {
         let rises = trajectory.place_at(middle_s).velocity_m_s.z > 0.0;
         if rises { low_s = middle_s } else { high_s = middle_s }
     }
-    trajectory.place_at(low_s).position_m
+    low_s
 }
 
 #[cfg(test)]
