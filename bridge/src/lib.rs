@@ -3,11 +3,11 @@
 //! Read in this order: [`wire`] is messages as bytes, [`keys`] where they are published,
 //! [`session`] the Zenoh session both ends open ([`pairing`] makes the keys, [`access`] says who
 //! may speak under which), [`presence`] whether the other end is there. On a board [`ring`] is the
-//! last ten seconds, [`run`] numbers the bridge's runs, and [`outbound`] is all of it (shared memory
-//! → network). Beside fusion [`gaps`]
-//! brings batches into order, [`clock`] knows the board's time, and [`inbound`] is all of it
-//! (network → shared memory). [`command`] is what boards are told to do, and how they are;
-//! [`recording`] keeps what stood in shared memory in a file, and plays it again.
+//! last ten seconds, [`run`] numbers the bridge's runs, and [`outbound`] is all of it (shared
+//! memory → network). Beside fusion [`gaps`] brings batches into order, [`clock`] knows the board's
+//! time, and [`inbound`] is all of it (network → shared memory). [`command`] is what boards are
+//! told to do, and how they are; [`recording`] keeps what stood in shared memory in a file, and
+//! plays it again.
 //!
 //! Who may join: [`discovery`] finds fusion in the network, [`refusal`] and [`once`] tell of those
 //! who may not, [`one_thread`] keeps TLS sound; [`router`] joins many courts and [`follow`] listens

@@ -1,9 +1,9 @@
 //! The number of a run of a board's bridge: which board, and which of its runs.
 //!
 //! A bridge that was killed is started again within milliseconds. The far end must not take it for
-//! a second board that claims the same camera (which is not heard while the first one is): runs with
-//! the same upper half are of one board since it was started, so its clock is the same, too; and of
-//! those the one with the greater lower half began later, so it takes over at once.
+//! a second board that claims the same camera (which is not heard while the first one is): runs
+//! with the same upper half are of one board since it was started, so its clock is the same, too;
+//! and of those the one with the greater lower half began later, so it takes over at once.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::os::unix::fs::MetadataExt as _;

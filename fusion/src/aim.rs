@@ -2,8 +2,8 @@
 //!
 //! Four numbers are told: speed, elevation, azimuth, spin. The landing place takes two of them, two
 //! [`Shape`]s the others. Newton's method on the flight with its exact derivatives
-//! ([`trajectory`](crate::world::trajectory)), from a parabola's solutions ([`starts`]): the flat one and
-//! the lob both, where both exist. What lies beyond the machine's limits or too near the net is refused
+//! ([`trajectory`](crate::world::trajectory)), from a parabola's solutions: the flat one and the
+//! lob both, where both exist. What lies beyond the machine's limits or too near the net is refused
 //! with the [`nearest`] shot it can do.
 //!
 //! Court frame; the physics must be those of a rig that knows the court.

@@ -1,8 +1,9 @@
 //! Commands on the network → done on the board, each answered with success or the reason.
 //!
 //! Read in this order: [`seen`] is what the bridge counts while it moves data, [`recording`] a
-//! recorder as a child, [`board`] does what is asked; here questions are taken and answered. [`relay`] passes them on beside fusion. [`commander`] is the
-//! asking end, [`cli`] its command line.
+//! recorder as a child, [`board`] does what is asked; here questions are taken and answered.
+//! [`relay`] passes them on beside fusion. [`commander`] is the asking end, [`cli`] its command
+//! line.
 //!
 //! Commands have a thread of their own, so that data never waits for one. They are done one after
 //! another, and every one has an answer within [`ANSWER_WITHIN`] of its arrival: one whose turn

@@ -1,8 +1,8 @@
 //! A camera's stamp → this machine's clock (CLOCK_BOOTTIME, as all stamps of a board are).
 //!
 //! libcamera says BOOTTIME and V4L2 MONOTONIC, but drivers stamp with MONOTONIC whatever libcamera
-//! says. The two differ by how long the machine slept (never on a Pi), or between time namespaces. A
-//! frame was exposed shortly before it arrived, which tells the two apart.
+//! says. The two differ by how long the machine slept (never on a Pi), or between time namespaces.
+//! A frame was exposed shortly before it arrived, which tells the two apart.
 
 use rustix::time::{ClockId, clock_gettime};
 use shm_layout::StampNs;

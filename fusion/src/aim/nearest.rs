@@ -1,7 +1,7 @@
 //! The shot a machine can do that is nearest to one it cannot.
 //!
-//! Least squares within the limits (Levenberg-Marquardt on the settings that are free to move), with
-//! the net as one more residual. The landing place counts most.
+//! Least squares within the limits (Levenberg-Marquardt on the settings that are free to move),
+//! with the net as one more residual. The landing place counts most.
 
 use super::{Conditions, Machine, Solution, Wanted, solution, starts, tried};
 use nalgebra::{Matrix4, Vector4};

@@ -28,7 +28,7 @@ pub struct Flags {
     /// network with keys, on this machine without].
     #[arg(long, value_name = "ENDPOINT", env = "TENNIS_CONNECT", value_delimiter = ',')]
     pub connect: Vec<String>,
-    /// Folder of the keys [default: ~/.config/tennis/<court>, if there].
+    /// Folder of the keys [default: ~/.config/tennis/COURT, if there].
     #[arg(long, value_name = "DIR", env = "TENNIS_KEYS")]
     pub keys: Option<PathBuf>,
     /// Where recordings go [default: $XDG_STATE_HOME/tennis, or ~/recordings].

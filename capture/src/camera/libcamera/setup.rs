@@ -22,7 +22,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Buffers asked for: a sensor holds two or three, one is copied, the others wait for a busy moment.
+/// Buffers asked for: a sensor holds two or three, one is copied, the others wait for a busy
+/// moment.
 const N_BUFFERS: u32 = 6;
 
 /// Formats whose first plane is luma, the best first: grey as it comes, then 4:2:0.
