@@ -11,7 +11,6 @@ use libfuzzer_sys::fuzz_target;
 use wire::batch::{Batch, MAX_MESSAGES, batch_from_bytes, bytes_from_batch};
 use wire::clock::{Ping, Pong};
 use wire::command::{Answer, Command, Health};
-use wire::command::{Answer, Command, Health};
 use wire::missing::Missing;
 
 const READ: &str = "what was sent can be read";
