@@ -135,7 +135,7 @@ fn systemd_hears_that_a_board_runs_and_how_it_is_though_it_has_no_camera() {
     let systemd = UnixDatagram::bind(&path).unwrap();
     let mut command = fakes.command(&["--workers", "1"]);
     let child = command.env("NOTIFY_SOCKET", &path).stderr(Stdio::null()).spawn().unwrap();
-    let board = Running { child, words: path };
+    let mut board = Running { child, words: path };
     let heard = || {
         let mut bytes = [0; 1000];
         let n_bytes = systemd.recv(&mut bytes).unwrap();
@@ -147,6 +147,9 @@ fn systemd_hears_that_a_board_runs_and_how_it_is_though_it_has_no_camera() {
     assert!(status.contains("capture failed with exit code 69 (no camera)"), "{status}");
     board.ask(Signal::TERM);
     while heard() != "STOPPING=1\n" {}
+    // Not killed while it puts away what it had in shared memory.
+    assert!(board.child.wait().unwrap().success());
+    assert_eq!(kills::files_of(&fakes.court).unwrap(), Vec::<String>::new());
 }
 
 #[test]
