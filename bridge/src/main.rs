@@ -152,8 +152,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
                     // A link that is cut may hold up who closes it.
                     std::thread::spawn(move || drop((commands, session)));
                 }
-                let sent = outbound.sent();
-                tracing::info!(?sent, "bridge {camera} stopped");
+                tracing::info!(sent = ?setting.seen.counts(), "bridge {camera} stopped");
             }
         }
         End::Fusion { court, listen, connect, keys } => {

@@ -7,16 +7,17 @@
 
 use crate::command::seen::Seen;
 use crate::keys;
-use crate::presence::Presence;
+use crate::presence::{self, Presence};
 use crate::ring::Ring;
 use crate::run;
+use crate::session::real_time_publisher;
 use crate::wire::Stream;
 use crate::wire::batch::{Batch, MAX_MESSAGES, Message, bytes_from_batch};
 use crate::wire::clock::{Ping, Pong};
 use crate::wire::missing::Missing;
 use crate::{Error, network};
 use crossbeam::channel::{Receiver, bounded};
-use shm_layout::ports::{Alarm, MessageReader, MessageWriter};
+use shm_layout::ports::{self, Alarm, MessageReader, MessageWriter};
 use shm_layout::services::{Domain, Member, Place};
 use shm_layout::stamp::{OWN_CLOCK, now_ns};
 use shm_layout::stop::Stop;
@@ -25,9 +26,6 @@ use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use zenoh::bytes::ZBytes;
-use zenoh::key_expr::OwnedKeyExpr;
-use zenoh::pubsub::Publisher;
-use zenoh::qos::{CongestionControl, Priority};
 use zenoh::query::Query;
 use zenoh::{Session, Wait};
 
@@ -36,15 +34,6 @@ const MAX_QUESTIONS: usize = 16;
 
 /// A board that finds nobody says so after this long, once.
 const NOBODY_AFTER: Duration = Duration::from_secs(5);
-
-/// What went out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Sent {
-    /// Batches handed to the network.
-    pub n_batches: u64,
-    /// Messages in them.
-    pub n_messages: u64,
-}
 
 /// A session over which fusion is there, but has not pinged for so long, is of no use: both ends
 /// may have different ideas of what was declared (seen after cuts of a minute).
@@ -116,7 +105,6 @@ pub struct Outbound {
     /// Opened once fusion was met.
     memory: Option<Memory>,
     seen: Arc<Seen>,
-    sent: Sent,
 }
 
 impl Outbound {
@@ -126,13 +114,7 @@ impl Outbound {
         let (ring, pinged_ns) = (Arc::default(), Arc::default());
         let clock_sigma_ns = Arc::new(AtomicU32::new(OWN_CLOCK));
         let archive = Archive { session_id: run::id_now(), ring, pinged_ns, clock_sigma_ns };
-        Self { court: court.to_owned(), camera, archive, memory: None, seen, sent: Sent::default() }
-    }
-
-    /// What went out so far.
-    #[must_use]
-    pub fn sent(&self) -> Sent {
-        self.sent
+        Self { court: court.to_owned(), camera, archive, memory: None, seen }
     }
 
     /// Moves messages to the network until stopped or the session is of no use.
@@ -142,17 +124,13 @@ impl Outbound {
     pub fn run(&mut self, session: &Session, stop: &Stop) -> Result<Ended, Error> {
         let (court, camera, archive) = (self.court.as_str(), self.camera, &self.archive);
         let publishers = [
-            publisher(session, keys::of_board(court, camera, Stream::ALL[0].name())?)?,
-            publisher(session, keys::of_board(court, camera, Stream::ALL[1].name())?)?,
+            real_time_publisher(session, keys::of_board(court, camera, Stream::ALL[0].name())?)?,
+            real_time_publisher(session, keys::of_board(court, camera, Stream::ALL[1].name())?)?,
         ];
         let _pongs = answer_pings(session, court, camera, archive.clone())?;
         let _missing = answer_missing(session, court, camera, archive.clone())?;
         let fusion = Presence::watch(session, court, Place::Fusion)?;
-        let _token = session
-            .liveliness()
-            .declare_token(keys::alive(court, Place::Board(camera))?)
-            .wait()
-            .map_err(network("say that this board is here"))?;
+        let _token = presence::announce(session, court, Place::Board(camera))?;
         if self.memory.is_none() {
             let domain = Domain::new(court, Place::Board(camera))?;
             if !wait_for(&fusion, stop) {
@@ -166,7 +144,8 @@ impl Outbound {
         let mut told_ns = 0;
         while !stop.is_raised() {
             loop {
-                let (infos, strips) = (all_infos(&memory.infos)?, all_strips(&memory.strips)?);
+                let infos = all(&memory.infos, |info| Message::FrameInfo(*info))?;
+                let strips = all(&memory.strips, |strip| Message::Candidates(Box::new(*strip)))?;
                 if infos.is_empty() && strips.is_empty() {
                     break;
                 }
@@ -174,11 +153,8 @@ impl Outbound {
                     if messages.is_empty() {
                         continue;
                     }
-                    self.sent.n_batches += 1;
-                    self.sent.n_messages += messages.len() as u64;
                     self.seen.note(&messages);
-                    let bytes = self.archive.add(stream, messages);
-                    self.seen.note_ring(&self.archive.ring());
+                    let bytes = self.archive.add(stream, messages, &self.seen);
                     let put = publishers[stream.idx()].put(bytes);
                     put.wait().map_err(network("send a batch"))?;
                 }
@@ -201,7 +177,7 @@ impl Outbound {
     fn link(&self, silent_ns: i64, noted_ns: StampNs) -> Link {
         Link {
             noted_ns,
-            n_batches: self.sent.n_batches,
+            n_batches: self.seen.counts().n_batches,
             clock_sigma_ns: self.archive.clock_sigma_ns.load(Ordering::Relaxed),
             camera_idx: self.camera.idx() as u32,
             is_alive: u32::from(silent_ns < HEARD_NS),
@@ -211,13 +187,14 @@ impl Outbound {
 }
 
 impl Archive {
-    /// Numbers a batch and keeps it; its bytes.
-    fn add(&self, stream: Stream, messages: Vec<Message>) -> ZBytes {
+    /// Numbers a batch and keeps it, which is noted; its bytes.
+    fn add(&self, stream: Stream, messages: Vec<Message>, seen: &Seen) -> ZBytes {
         let mut ring = self.ring();
         let batch_idx = ring.end_idx(stream);
         let batch = Batch { session_id: self.session_id, batch_idx, messages };
         let bytes = ZBytes::from(bytes_from_batch(&batch));
         ring.push(stream, now_ns(), bytes.clone());
+        seen.note_ring(&ring);
         bytes
     }
 
@@ -244,23 +221,13 @@ impl Archive {
     }
 }
 
-fn publisher(session: &Session, key: OwnedKeyExpr) -> Result<Publisher<'static>, Error> {
-    session
-        .declare_publisher(key.clone())
-        .congestion_control(CongestionControl::Drop)
-        .priority(Priority::RealTime)
-        .express(true)
-        .wait()
-        .map_err(network(format!("publish {key}")))
-}
-
 fn answer_pings(
     session: &Session,
     court: &str,
     camera: Camera,
     archive: Archive,
 ) -> Result<impl Sized, Error> {
-    let pong = publisher(session, keys::of_board(court, camera, "pong")?)?;
+    let pong = real_time_publisher(session, keys::of_board(court, camera, "pong")?)?;
     session
         .declare_subscriber(keys::of_board(court, camera, "ping")?)
         .callback(move |sample| {
@@ -339,22 +306,16 @@ fn wait_for(fusion: &Presence, stop: &Stop) -> bool {
     false
 }
 
-fn all_infos(reader: &MessageReader<FrameInfo>) -> Result<Vec<Message>, Error> {
+/// All that waits, a batch at most.
+fn all<T: ports::Message>(
+    reader: &MessageReader<T>,
+    message: impl Fn(&T) -> Message,
+) -> Result<Vec<Message>, Error> {
     let mut messages = Vec::new();
     while messages.len() < MAX_MESSAGES
-        && let Some(info) = reader.receive()?
+        && let Some(received) = reader.receive()?
     {
-        messages.push(Message::FrameInfo(*info));
-    }
-    Ok(messages)
-}
-
-fn all_strips(reader: &MessageReader<StripCandidates>) -> Result<Vec<Message>, Error> {
-    let mut messages = Vec::new();
-    while messages.len() < MAX_MESSAGES
-        && let Some(strip) = reader.receive()?
-    {
-        messages.push(Message::Candidates(Box::new(*strip)));
+        messages.push(message(&received));
     }
     Ok(messages)
 }

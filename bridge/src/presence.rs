@@ -3,15 +3,28 @@
 //! Zenoh opens a session whether or not anybody takes it; only a token that its owner declared
 //! tells that it is reached, and it goes within a second of the link.
 
-use crate::keys::{alive_in_any_version, version_of};
+use crate::keys::{alive, alive_in_any_version, version_of};
 use crate::wire::{Refusal, VERSION};
 use crate::{Error, network};
 use shm_layout::services::Place;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
+
+/// Says that this end is here, until it is dropped.
+///
+/// # Errors
+/// When the network cannot be had.
+pub fn announce(session: &Session, court: &str, place: Place) -> Result<LivelinessToken, Error> {
+    session
+        .liveliness()
+        .declare_token(alive(court, place)?)
+        .wait()
+        .map_err(network(format!("say that {} is here", place.name())))
+}
 
 /// Watches one place of a court; nobody is there once it is dropped.
 #[derive(Debug)]

@@ -16,6 +16,9 @@ use shm_layout::Camera;
 use shm_layout::stop::Stop;
 use std::net::IpAddr;
 use std::path::PathBuf;
+use zenoh::key_expr::OwnedKeyExpr;
+use zenoh::pubsub::Publisher;
+use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Config, Session, Wait};
 
 /// Where the two ends meet without keys, unless told otherwise.
@@ -282,6 +285,20 @@ impl<'a> Plan<'a> {
             ("scouting/multicast/autoconnect", found),
         ]
     }
+}
+
+/// For what is late at once: it goes before everything else, and never waits for room.
+pub(crate) fn real_time_publisher(
+    session: &Session,
+    key: OwnedKeyExpr,
+) -> Result<Publisher<'static>, Error> {
+    session
+        .declare_publisher(key.clone())
+        .congestion_control(CongestionControl::Drop)
+        .priority(Priority::RealTime)
+        .express(true)
+        .wait()
+        .map_err(network(format!("publish {key}")))
 }
 
 /// An endpoint is `tls/...`, or `tcp/...` of this machine.

@@ -2,6 +2,7 @@
 
 use rustix::io::Errno;
 use shm_layout::services;
+use shm_layout::stop::exit_code;
 use std::io;
 use std::path::PathBuf;
 
@@ -137,20 +138,6 @@ pub enum Error {
     Stopped,
 }
 
-/// Exit codes, those of sysexits.h: a launcher tries again after every one of them, and says why.
-mod code {
-    /// Nothing else fits.
-    pub const FAILURE: u8 = 1;
-    /// There is no such camera, or no way to speak to it.
-    pub const UNAVAILABLE: u8 = 69;
-    /// It is busy or has gone: try again.
-    pub const TEMPORARY: u8 = 75;
-    /// This user may not.
-    pub const NO_PERMISSION: u8 = 77;
-    /// It cannot do what is asked.
-    pub const CONFIGURATION: u8 = 78;
-}
-
 impl Error {
     /// What the system said of a camera when something was tried with it.
     #[must_use]
@@ -170,11 +157,11 @@ impl Error {
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::WithoutLibcamera | Self::NoCamera { .. } => code::UNAVAILABLE,
-            Self::CameraBusy { .. } | Self::CameraGone { .. } => code::TEMPORARY,
-            Self::NoPermission { .. } => code::NO_PERMISSION,
-            Self::UnsupportedMode { .. } => code::CONFIGURATION,
-            _ => code::FAILURE,
+            Self::WithoutLibcamera | Self::NoCamera { .. } => exit_code::UNAVAILABLE,
+            Self::CameraBusy { .. } | Self::CameraGone { .. } => exit_code::TEMPORARY,
+            Self::NoPermission { .. } => exit_code::NO_PERMISSION,
+            Self::UnsupportedMode { .. } => exit_code::CONFIGURATION,
+            _ => exit_code::FAILURE,
         }
     }
 }

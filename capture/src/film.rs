@@ -72,7 +72,7 @@ pub fn film(
     };
     let mut before: Option<u64> = None;
     let mut heard_at = Instant::now();
-    let mut silent = SILENT.max(Duration::from_secs_f64(SILENT_FRAMES / frame_rate_hz));
+    let mut silent = silent_for(frame_rate_hz);
     let width_px = camera.size_px().0;
     while n_wanted.is_none_or(|n_wanted| filmed.n_frames < n_wanted) {
         match orders.look() {
@@ -87,7 +87,7 @@ pub fn film(
                 Err(why) => (Outcome::Refused, why),
             };
             if let (Outcome::Done, Some(rate_hz)) = (outcome, settings.frame_rate_hz) {
-                silent = SILENT.max(Duration::from_secs_f64(SILENT_FRAMES / rate_hz));
+                silent = silent_for(rate_hz);
             }
             asked.answer(outcome, &reason)?;
         }
@@ -134,6 +134,10 @@ pub fn film(
         camera.give_back()?;
     }
     Ok(filmed)
+}
+
+fn silent_for(frame_rate_hz: f64) -> Duration {
+    SILENT.max(Duration::from_secs_f64(SILENT_FRAMES / frame_rate_hz))
 }
 
 fn settings_from(command: &Command) -> Settings {

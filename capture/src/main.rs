@@ -10,7 +10,7 @@ use capture::publisher::Publisher;
 use capture::source::{Source, Stamps};
 use clap::Parser;
 use shm_layout::services::{Domain, Member, Place};
-use shm_layout::stop::Stop;
+use shm_layout::stop::{Stop, exit_code::FAILURE};
 use shm_layout::{Camera, N_STRIPS_RANGE};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -95,10 +95,7 @@ struct Flags {
 }
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
+    shm_layout::log::to_stderr();
     let flags = Flags::parse();
     #[cfg(not(feature = "libcamera"))]
     if flags.source == Some(Kind::Libcamera) || flags.list {
@@ -114,7 +111,7 @@ fn main() -> ExitCode {
         flags.with_parent,
         |stop| if flags.preview.is_some() { look(&flags, stop) } else { run(&flags, stop) },
         |why: &anyhow::Error| {
-            why.downcast_ref::<capture::Error>().map_or(1, capture::Error::exit_code)
+            why.downcast_ref::<capture::Error>().map_or(FAILURE, capture::Error::exit_code)
         },
     )
 }

@@ -7,6 +7,23 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+/// What capture's end tells a launcher, as sysexits.h has it: it is started again after every one
+/// of them but [`exit_code::MISUSED`], and why is said.
+pub mod exit_code {
+    /// Nothing else fits.
+    pub const FAILURE: u8 = 1;
+    /// Its flags are wrong, and will not be right the next time; clap ends any process so.
+    pub const MISUSED: u8 = 2;
+    /// There is no such camera, or no way to speak to it.
+    pub const UNAVAILABLE: u8 = 69;
+    /// It is busy or has gone: try again.
+    pub const TEMPORARY: u8 = 75;
+    /// This user may not.
+    pub const NO_PERMISSION: u8 = 77;
+    /// It cannot do what is asked.
+    pub const CONFIGURATION: u8 = 78;
+}
+
 /// Longest a loop may wait before it looks at its [`Stop`] again.
 pub const LOOK_EVERY: Duration = Duration::from_millis(50);
 
@@ -43,7 +60,7 @@ impl Stop {
         with_parent: bool,
         work: impl FnOnce(&Self) -> Result<(), E>,
     ) -> ExitCode {
-        Self::run_to_code(name, with_parent, work, |_| 1)
+        Self::run_to_code(name, with_parent, work, |_| exit_code::FAILURE)
     }
 
     /// The same with an exit code for each failure.

@@ -1,6 +1,6 @@
 //! A board whose processes die, under its launcher: it goes on, counts its losses, leaves nothing.
 
-use crate::run::{simulated, turn};
+use crate::run::{binary, simulated, turn};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt as _;
@@ -60,9 +60,8 @@ struct Fakes {
 impl Fakes {
     fn new(what: &str, capture: &str, others: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let here = std::env::current_exe().unwrap();
-        let board = here.parent().unwrap().parent().unwrap().join("board");
-        std::fs::copy(board, folder.path().join("board")).expect("scripts/test builds it");
+        std::fs::copy(binary("board"), folder.path().join("board"))
+            .expect("scripts/test builds it");
         for (name, script) in [("capture", capture), ("worker", others), ("bridge", others)] {
             let path = folder.path().join(name);
             std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
@@ -198,9 +197,8 @@ fn a_recording_that_is_over_is_the_end_and_wrong_flags_are_not_tried_again() {
 fn a_second_launcher_is_refused_and_a_killed_one_takes_its_processes_along() {
     let _turn = turn();
     let fakes = Fakes::new("fakes-two", SLEEP, SLEEP);
-    let here = std::env::current_exe().unwrap().parent().unwrap().parent().unwrap().to_owned();
     for name in ["capture", "worker", "bridge"] {
-        std::fs::copy(here.join(name), fakes.folder.path().join(name)).unwrap();
+        std::fs::copy(binary(name), fakes.folder.path().join(name)).unwrap();
     }
     let folder = simulated(&["--seconds", "1"]);
     let recording = folder.path().join("left.y4m");
@@ -252,7 +250,7 @@ fn systemd_understands_the_units() {
     }
     let units = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scripts/systemd");
     let folder = tempfile::tempdir().unwrap();
-    let here = std::env::current_exe().unwrap().parent().unwrap().parent().unwrap().to_owned();
+    let here = launcher::processes::folder().unwrap();
     let mut verify = Command::new("systemd-analyze");
     verify.arg("verify");
     let mut n_units = 0;

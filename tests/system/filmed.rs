@@ -1,6 +1,7 @@
 //! A board for cameras that are not there: real workers, a listener, and the real `capture` under
 //! a library that answers for the camera.
 
+use crate::run::binary;
 use shm_layout::commands::{Answers, Command as Asked, Outcome};
 use shm_layout::services::{Domain, Member, Place};
 use shm_layout::{Camera, FrameInfo, StripCandidates};
@@ -10,11 +11,6 @@ use std::time::{Duration, Instant};
 
 pub const N_STRIPS: u32 = 2;
 pub const PERIOD_NS: i64 = 11_111_111;
-
-pub fn binary(name: &str) -> PathBuf {
-    let here = std::env::current_exe().unwrap();
-    here.parent().unwrap().parent().unwrap().join(name)
-}
 
 pub fn shim(source: &str, folder: &Path) -> PathBuf {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("fake-cameras").join(source);

@@ -1,7 +1,7 @@
 //! Ten shots of play, recorded twice at once: one recorder is killed, the other ends its file. What
 //! fusion then tells of either file is, byte by byte, what it told when they were served.
 
-use crate::run::{track, turn, words};
+use crate::run::{binary, track, turn, words};
 use bridge::recording::reader::{Entry, Recording};
 use bridge::wire::batch::Message;
 use serde_json::Value;
@@ -113,9 +113,7 @@ fn start_play(house: &mut Household) {
 
 /// A recorder that no household looks after.
 fn victim(court: &str, out: &Path, rig: &Path) -> Child {
-    let here = std::env::current_exe().unwrap();
-    let record = here.parent().unwrap().parent().unwrap().join("record");
-    Command::new(record)
+    Command::new(binary("record"))
         .args(["--court", court, "--place", "fusion", "--with-parent", "--out"])
         .arg(out)
         .arg("--rig")

@@ -26,10 +26,14 @@ pub fn shots_of(folder: &Path, flags: &[&str]) -> Value {
     serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap()
 }
 
-/// One of the rooms' own binaries; it stands beside those of the tests.
-pub fn run(binary: &str, arguments: &[&str]) -> Output {
-    let here = std::env::current_exe().unwrap();
-    let binary = here.parent().unwrap().parent().unwrap().join(binary);
+/// Where one of the rooms' own binaries stands, beside those of the tests.
+pub fn binary(name: &str) -> PathBuf {
+    launcher::processes::folder().unwrap().join(name)
+}
+
+/// One of the rooms' own binaries, to its end.
+pub fn run(name: &str, arguments: &[&str]) -> Output {
+    let binary = binary(name);
     let run = Command::new(&binary).args(arguments).output();
     run.unwrap_or_else(|why| panic!("{}: {why} (scripts/test builds it)", binary.display()))
 }

@@ -2,10 +2,9 @@
 //! kernel has no V4L2, and whoever tests has no camera.
 
 use crate::filmed::{
-    Board, PERIOD_NS, binary, check_all_arrived, frames_of, intervals_ns, jpeg, median, shim,
-    words_of,
+    Board, PERIOD_NS, check_all_arrived, frames_of, intervals_ns, jpeg, median, shim, words_of,
 };
-use crate::run::{simulated, turn};
+use crate::run::{binary, simulated, turn};
 use shm_layout::commands::{Command as Asked, Kind, Outcome};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};

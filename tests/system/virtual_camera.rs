@@ -1,9 +1,9 @@
 //! libcamera's virtual camera, which `scripts/virtual-camera` prepares, under the real `capture`.
 
 use crate::filmed::{
-    Board, PERIOD_NS, binary, check_all_arrived, frames_of, intervals_ns, jpeg, median, words_of,
+    Board, PERIOD_NS, check_all_arrived, frames_of, intervals_ns, jpeg, median, words_of,
 };
-use crate::run::{simulated, turn};
+use crate::run::{binary, simulated, turn};
 use shm_layout::StripCandidates;
 use shm_layout::commands::{Command as Asked, Kind, Outcome};
 use std::collections::BTreeMap;

@@ -54,10 +54,7 @@ struct Flags {
 }
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
+    shm_layout::log::to_stderr();
     let flags = Flags::parse();
     Stop::run(
         format_args!("worker {} {}/{}", flags.camera, flags.strip, flags.of),

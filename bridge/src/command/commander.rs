@@ -1,6 +1,6 @@
 //! A command and a board's name → the board's answer, or why there is none.
 
-use super::{ANSWER_WITHIN, UNDER_WAY};
+use super::{ANSWER_WITHIN, UNDER_WAY, asked};
 use crate::keys::{self, version_of};
 use crate::wire::command::{Answer, Command};
 use crate::wire::{Refusal, VERSION};
@@ -9,7 +9,6 @@ use crossbeam::channel::bounded;
 use shm_layout::Camera;
 use shm_layout::services::Place;
 use std::time::{Duration, Instant};
-use zenoh::qos::Priority;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
@@ -81,25 +80,10 @@ fn ask_once(
     camera: Camera,
     command: &Command,
 ) -> Result<Answer, Failure> {
-    let (to_us, replies) = bounded(1);
-    let priority = match command {
-        // Answers have the priority of their question.
-        Command::Image => Priority::DataLow,
-        _ => Priority::InteractiveLow,
-    };
-    session
-        .get(keys::command(court, camera)?)
-        .payload(command.to_bytes())
-        .priority(priority)
-        .timeout(ANSWER_WITHIN + UNDER_WAY + TOLD_WITHIN)
-        .callback(move |reply| {
-            // One board answers; a second one that says it is this camera is not heard.
-            drop(to_us.try_send(reply));
-        })
-        .wait()
-        .map_err(network("ask the board"))?;
-    // The callback, and with it the other end, is dropped when time is up.
-    let reply = replies.recv().map_err(|_| Failure::Silent)?;
+    let within = ANSWER_WITHIN + UNDER_WAY + TOLD_WITHIN;
+    let reply = asked(session, keys::command(court, camera)?, &command.to_bytes(), within)
+        .map_err(network("ask the board"))?
+        .ok_or(Failure::Silent)?;
     match reply.result() {
         Ok(sample) => Answer::from_bytes(&sample.payload().to_bytes()).map_err(Failure::Answer),
         Err(error) => {

@@ -32,9 +32,10 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use zenoh::bytes::ZBytes;
+use zenoh::key_expr::OwnedKeyExpr;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
-use zenoh::query::{Query, Queryable};
+use zenoh::query::{Query, Queryable, Reply};
 use zenoh::{Session, Wait};
 
 /// Every command is answered this long after it came, whatever else is asked.
@@ -196,6 +197,33 @@ pub fn serve(session: &Session, setting: Setting, stop: Stop) -> Result<Serving,
         .wait()
         .map_err(network("take commands"))?;
     Ok(Serving { queryable: Some(queryable), thread: Some(thread) })
+}
+
+/// Asks for what a command says, at most this long; `None` if nobody answers.
+fn asked(
+    session: &Session,
+    key: OwnedKeyExpr,
+    command: &[u8],
+    within: Duration,
+) -> zenoh::Result<Option<Reply>> {
+    let (to_us, replies) = bounded(1);
+    let priority = match Command::from_bytes(command) {
+        // Answers have the priority of their question; the board says why others are refused.
+        Ok(Command::Image) => Priority::DataLow,
+        _ => Priority::InteractiveLow,
+    };
+    session
+        .get(key)
+        .payload(command)
+        .priority(priority)
+        .timeout(within)
+        .callback(move |reply| {
+            // One board answers; a second one that says it is this camera is not heard.
+            drop(to_us.try_send(reply));
+        })
+        .wait()?;
+    // The callback, and with it the other end, is dropped when time is up.
+    Ok(replies.recv().ok())
 }
 
 /// Ends when the queryable is gone.

@@ -5,14 +5,12 @@
 //! bridge beside fusion for 5 s so, and was lost. Here threads of our own ask and answer, one a
 //! board; while they wait, Zenoh's works.
 
-use super::{ANSWER_WITHIN, UNDER_WAY};
-use crate::wire::command::Command;
+use super::{ANSWER_WITHIN, UNDER_WAY, asked};
 use crate::{Error, keys, network};
 use crossbeam::channel::{Receiver, bounded};
 use shm_layout::Camera;
 use zenoh::bytes::ZBytes;
 use zenoh::key_expr::OwnedKeyExpr;
-use zenoh::qos::Priority;
 use zenoh::query::{Query, Queryable, Reply};
 use zenoh::{Session, Wait};
 
@@ -55,7 +53,7 @@ fn board(session: &Session, court: &str, camera: Camera) -> Result<Queryable<()>
 fn pass_all(session: &Session, to_board: &OwnedKeyExpr, questions: &Receiver<Query>) {
     for question in questions {
         let payload = question.payload().map(ZBytes::to_bytes).unwrap_or_default();
-        let sent = match asked(session, to_board, &payload) {
+        let sent = match answer_of(session, to_board, &payload) {
             Ok(reply) => match reply.into_result() {
                 Ok(sample) => {
                     question.reply(question.key_expr().clone(), sample.payload().clone()).wait()
@@ -70,24 +68,8 @@ fn pass_all(session: &Session, to_board: &OwnedKeyExpr, questions: &Receiver<Que
     }
 }
 
-fn asked(session: &Session, to_board: &OwnedKeyExpr, payload: &[u8]) -> Result<Reply, String> {
-    let (to_us, replies) = bounded(1);
-    let priority = match Command::from_bytes(payload) {
-        // Answers have the priority of their question; the board says why others are refused.
-        Ok(Command::Image) => Priority::DataLow,
-        _ => Priority::InteractiveLow,
-    };
-    session
-        .get(to_board.clone())
-        .payload(payload)
-        .priority(priority)
-        .timeout(ANSWER_WITHIN + UNDER_WAY)
-        .callback(move |reply| {
-            // One board answers; a second one that says it is this camera is not heard.
-            drop(to_us.try_send(reply));
-        })
-        .wait()
-        .map_err(|why| format!("the board cannot be asked: {why}"))?;
-    // The callback, and with it the other end, is dropped when time is up.
-    replies.recv().map_err(|_| "the board does not answer".to_owned())
+fn answer_of(session: &Session, to_board: &OwnedKeyExpr, payload: &[u8]) -> Result<Reply, String> {
+    asked(session, to_board.clone(), payload, ANSWER_WITHIN + UNDER_WAY)
+        .map_err(|why| format!("the board cannot be asked: {why}"))?
+        .ok_or_else(|| "the board does not answer".to_owned())
 }

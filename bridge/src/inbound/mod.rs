@@ -7,7 +7,8 @@
 mod board;
 
 use crate::keys;
-use crate::presence::Presence;
+use crate::presence::{self, Presence};
+use crate::session::real_time_publisher;
 use crate::wire::Stream;
 use crate::wire::batch::{Batch, Message, batch_from_bytes};
 use crate::wire::clock::{Ping, Pong};
@@ -120,11 +121,7 @@ pub fn run(session: &Session, court: &str, stop: &Stop) -> Result<Received, Erro
         .priority(Priority::DataHigh)
         .wait()
         .map_err(network("publish shots"))?;
-    let _token = session
-        .liveliness()
-        .declare_token(keys::alive(court, Place::Fusion)?)
-        .wait()
-        .map_err(network("say that fusion is here"))?;
+    let _token = presence::announce(session, court, Place::Fusion)?;
     let mut inbound = Inbound { sides, inbox, memory, shots, n_shots: 0 };
     inbound.run(&news, stop)?;
     let links =
@@ -242,13 +239,7 @@ impl<'a> Side<'a> {
             batches(Stream::Candidates)?,
             subscribe("pong", Box::new(pongs))?,
         ];
-        let pings = session
-            .declare_publisher(keys::of_board(court, camera, "ping")?)
-            .congestion_control(CongestionControl::Drop)
-            .priority(Priority::RealTime)
-            .express(true)
-            .wait()
-            .map_err(network(format!("ping the {camera} board")))?;
+        let pings = real_time_publisher(session, keys::of_board(court, camera, "ping")?)?;
         Ok(Self {
             camera,
             court: court.to_owned(),

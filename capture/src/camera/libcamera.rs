@@ -16,6 +16,7 @@ use super::{Camera, Frame, Settings, Wanted};
 use crate::Error;
 use ::libcamera::camera::ActiveCamera;
 use ::libcamera::camera_manager::CameraManager;
+use ::libcamera::control::ControlList;
 use ::libcamera::controls::{ExposureTime, SensorTimestamp};
 use ::libcamera::framebuffer::{AsFrameBuffer as _, FrameMetadataStatus};
 use ::libcamera::framebuffer_allocator::{FrameBuffer, FrameBufferAllocator};
@@ -66,11 +67,23 @@ impl LibCamera {
     }
 
     /// A request back to the camera, with what is to be changed.
-    fn give(&mut self, mut request: Request) -> Result<(), Error> {
+    fn give(&mut self, request: Request) -> Result<(), Error> {
+        let changes = self.changes.take();
+        self.give_with(request, |list, _| {
+            if let Some(changes) = &changes {
+                controls::set(list, changes);
+            }
+        })
+    }
+
+    /// The same with controls that `set` writes.
+    fn give_with(
+        &mut self,
+        mut request: Request,
+        set: impl FnOnce(&mut ControlList, &::libcamera::camera::Camera<'_>),
+    ) -> Result<(), Error> {
         request.reuse(ReuseFlag::REUSE_BUFFERS);
-        if let Some(changes) = self.changes.take() {
-            controls::set(request.controls_mut(), &changes);
-        }
+        set(request.controls_mut(), &self.active);
         self.active.queue_request(request).map_err(|(_, why)| self.gone(why))
     }
 
@@ -145,8 +158,8 @@ impl Camera for LibCamera {
         if let (Some(rate_hz), Some(steady)) = (settings.frame_rate_hz, &mut self.steady) {
             *steady = Steady::new(rate_hz);
         }
-        self.changes = Some(controls::merged(self.changes.unwrap_or_default(), *settings));
-        self.settled = controls::merged(self.settled, *settings);
+        self.changes = Some(self.changes.unwrap_or_default().then(settings));
+        self.settled = self.settled.then(settings);
         Ok(format!("{} from the next frames on", controls::words(settings)))
     }
 

@@ -44,7 +44,7 @@ pub fn all() -> String {
     add("libcamera", super::libcamera::list());
     #[cfg(not(feature = "libcamera"))]
     add("libcamera", Err(crate::Error::WithoutLibcamera));
-    add("usb", super::usb::list());
+    add("usb", Ok(super::usb::list()));
     if n_cameras == 0 {
         text.push_str("no camera found: is its cable in, and may this user open /dev/video*?\n");
     }

@@ -59,6 +59,26 @@ pub struct Settings {
     pub frame_rate_hz: Option<f64>,
 }
 
+impl Settings {
+    /// The later of both where both say something.
+    #[must_use]
+    pub fn then(self, later: &Self) -> Self {
+        Self {
+            exposure_us: later.exposure_us.or(self.exposure_us),
+            gain: later.gain.or(self.gain),
+            frame_rate_hz: later.frame_rate_hz.or(self.frame_rate_hz),
+        }
+    }
+}
+
+impl Wanted {
+    /// A sentence: size and rate cannot be had, and what can.
+    fn not_possible(&self, can: &str) -> String {
+        let ((width_px, height_px), rate_hz) = (self.size_px, self.frame_rate_hz);
+        format!("{width_px}x{height_px} at {rate_hz} frames/s is not possible: {can}")
+    }
+}
+
 /// A frame in a camera's memory.
 #[derive(Debug)]
 pub struct Frame<'a> {

@@ -59,11 +59,9 @@ pub struct UsbCamera {
 }
 
 /// All cameras that V4L2 knows.
-///
-/// # Errors
-/// Never, so far; libcamera's has some.
-pub fn list() -> Result<Vec<Listed>, Error> {
-    Ok(devices().iter().map(|path| listed(path)).collect())
+#[must_use]
+pub fn list() -> Vec<Listed> {
+    devices().iter().map(|path| listed(path)).collect()
 }
 
 fn devices() -> Vec<PathBuf> {
@@ -299,8 +297,7 @@ fn set_mode(device: &Device, wanted: &Wanted, name: &str) -> Result<Format, Erro
     } else {
         refusals.join(", ")
     };
-    let ((width_px, height_px), rate_hz) = (wanted.size_px, wanted.frame_rate_hz);
-    Err(unsupported(format!("{width_px}x{height_px} at {rate_hz} frames/s is not possible: {can}")))
+    Err(unsupported(wanted.not_possible(&can)))
 }
 
 impl Camera for UsbCamera {
@@ -349,8 +346,7 @@ impl Camera for UsbCamera {
             return Err("the rate of a USB camera is set when it starts".to_owned());
         }
         self.set(settings)?;
-        self.settled.exposure_us = settings.exposure_us.or(self.settled.exposure_us);
-        self.settled.gain = settings.gain.or(self.settled.gain);
+        self.settled = self.settled.then(settings);
         Ok("set from the next frames on".to_owned())
     }
 

@@ -58,10 +58,9 @@ pub(super) fn of(
     ended: &[Vector4<f64>],
 ) -> Unreachable {
     let begun = starts::of(wanted, machine, conditions.physics);
-    let found = ended.iter().chain(&begun).filter_map(|start| {
-        let (settings, cost) = fitted(machine.clamped(start), wanted, machine, conditions)?;
-        Some((settings, cost))
-    });
+    let starts = ended.iter().chain(&begun);
+    let found =
+        starts.filter_map(|start| fitted(machine.clamped(start), wanted, machine, conditions));
     let best = found.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(settings, _)| settings);
     let here = best.and_then(|settings| tried(&settings, wanted, machine, conditions));
     let here = here.filter(|here| here.clearance_m >= machine.net_clearance_m - 0.01);

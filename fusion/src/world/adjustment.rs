@@ -174,7 +174,7 @@ impl Rig {
                 Mounting::Stereo { right_from_left: pose_after(Camera::Right).inverse() }
             }
         };
-        Self::new(eyes, mounting, self.ball(), self.launcher_in_court_m())?.with_scale(self.scale())
+        self.with_cameras(eyes, mounting)
     }
 
     /// The raw pixel of `camera` that shows a point, and its derivative by the camera's numbers;

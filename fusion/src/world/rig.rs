@@ -236,7 +236,12 @@ impl Rig {
     /// # Errors
     /// As [`Rig::new`].
     pub fn with_mounting(&self, mounting: Mounting) -> Result<Self, Error> {
-        Self::new(self.eyes, mounting, self.ball, self.launcher_in_court_m)?.with_scale(self.scale)
+        self.with_cameras(self.eyes, mounting)
+    }
+
+    /// The same ball, launcher and model with other cameras; how sure that is, nobody said.
+    pub(crate) fn with_cameras(&self, eyes: [Eye; 2], mounting: Mounting) -> Result<Self, Error> {
+        Self::new(eyes, mounting, self.ball, self.launcher_in_court_m)?.with_scale(self.scale)
     }
 
     /// Of a model of a court: its length over a court's. All other lengths, here and in what is

@@ -7,10 +7,7 @@ use shm_layout::stop::Stop;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
+    shm_layout::log::to_stderr();
     let flags = Flags::parse();
     let stop = Stop::on_signals(flags.with_parent).map_err(Error::from);
     match stop.and_then(|stop| board::run(&flags, &stop)) {

@@ -11,13 +11,11 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fd::OwnedFd;
 use rustix::process::{PidfdFlags, Signal, pidfd_open};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use shm_layout::stop::exit_code;
 use std::io;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus};
 use std::time::{Duration, Instant};
-
-/// Exit code of a process whose flags are wrong: they will not be right the next time.
-const MISUSED: i32 = 2;
 
 /// Capture is waited for so long before the others are asked to end, too.
 const CAPTURE_WITHIN: Duration = Duration::from_secs(1);
@@ -146,12 +144,12 @@ impl Supervisor {
             let State::Running { child, since, .. } = &mut resident.state else { continue };
             let Some(status) = child.try_wait()? else { continue };
             let lived = now.saturating_duration_since(*since);
-            events.push(match status.code() {
+            events.push(match code_of(status) {
                 Some(0) if resident.plan.role != Role::Worker => {
                     resident.state = State::Ended;
                     Event::Over
                 }
-                Some(MISUSED) => {
+                Some(exit_code::MISUSED) => {
                     resident.state = State::Ended;
                     Event::Misused { name: resident.plan.name.clone() }
                 }
@@ -249,13 +247,18 @@ fn started(plan: &Plan, binary: &std::path::Path, before: &[&str]) -> io::Result
     child
 }
 
+/// An exit code is eight bits.
+fn code_of(status: ExitStatus) -> Option<u8> {
+    status.code().and_then(|code| u8::try_from(code).ok())
+}
+
 /// How a process ended; what capture means by its exit codes is said.
 fn how(role: Role, status: ExitStatus) -> String {
-    let meaning = match (role, status.code()) {
-        (Role::Capture, Some(69)) => " (no camera)",
-        (Role::Capture, Some(75)) => " (camera busy or unplugged)",
-        (Role::Capture, Some(77)) => " (no permission)",
-        (Role::Capture, Some(78)) => " (the camera cannot do this)",
+    let meaning = match (role, code_of(status)) {
+        (Role::Capture, Some(exit_code::UNAVAILABLE)) => " (no camera)",
+        (Role::Capture, Some(exit_code::TEMPORARY)) => " (camera busy or unplugged)",
+        (Role::Capture, Some(exit_code::NO_PERMISSION)) => " (no permission)",
+        (Role::Capture, Some(exit_code::CONFIGURATION)) => " (the camera cannot do this)",
         _ => "",
     };
     how_ended(status) + meaning

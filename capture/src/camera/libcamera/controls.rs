@@ -66,15 +66,6 @@ pub fn set(list: &mut ControlList, settings: &Settings) {
     }
 }
 
-/// The later of both where both say something.
-pub fn merged(before: Settings, later: Settings) -> Settings {
-    Settings {
-        exposure_us: later.exposure_us.or(before.exposure_us),
-        gain: later.gain.or(before.gain),
-        frame_rate_hz: later.frame_rate_hz.or(before.frame_rate_hz),
-    }
-}
-
 /// Whether a camera can do it; if not, its limits.
 pub fn check(camera: &Camera<'_>, settings: &Settings) -> Result<(), String> {
     let within = |what: &str, id: ControlId, value: Option<f64>| match (value, limits(camera, id)) {

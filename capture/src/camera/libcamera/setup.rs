@@ -85,8 +85,8 @@ pub fn open(wanted: &Wanted) -> Result<LibCamera, Error> {
     let unsupported = |why: String| Error::UnsupportedMode { camera: name.clone(), why };
     let sensor = modes::sensor(&model);
     let mode = sensor.map(|sensor| sensor.mode_for(wanted.size_px, wanted.frame_rate_hz));
-    let mode = mode.transpose().map_err(|can| unsupported(asked(wanted, &can)))?;
-    let mut active = camera.acquire().map_err(|why| refused(&name, "acquire it", why))?;
+    let mode = mode.transpose().map_err(|can| unsupported(wanted.not_possible(&can)))?;
+    let mut active = camera.acquire().map_err(|why| Error::of_camera(&name, "acquire it", why))?;
 
     let configuration = active.generate_configuration(&[StreamRole::VideoRecording]);
     let mut configuration =
@@ -103,7 +103,8 @@ pub fn open(wanted: &Wanted) -> Result<LibCamera, Error> {
     let (stream, stride) = stream.ok_or_else(|| unsupported("it has no stream".to_owned()))?;
 
     let mut buffers = FrameBufferAllocator::new(&active);
-    let allocated = buffers.alloc(&stream).map_err(|why| refused(&name, "get its memory", why))?;
+    let allocated =
+        buffers.alloc(&stream).map_err(|why| Error::of_camera(&name, "get its memory", why))?;
     let mut idle = VecDeque::new();
     for (idx, buffer) in allocated.into_iter().enumerate() {
         let failed = |why: String| Error::CameraGone { camera: name.clone(), why };
@@ -124,7 +125,7 @@ pub fn open(wanted: &Wanted) -> Result<LibCamera, Error> {
     });
     let mut list = ControlList::new();
     controls::set_at_start(&mut list, &active, wanted);
-    active.start(Some(&list)).map_err(|why| refused(&name, "start it", why))?;
+    active.start(Some(&list)).map_err(|why| Error::of_camera(&name, "start it", why))?;
     let mut camera = LibCamera {
         name,
         size_px: wanted.size_px,
@@ -151,7 +152,7 @@ fn manager() -> Result<CameraManager, Error> {
     if !is_asked_for {
         let _ = log_set_target(LoggingTarget::None); // it only gets louder without
     }
-    CameraManager::new().map_err(|why| refused("libcamera", "start", why))
+    CameraManager::new().map_err(|why| Error::of_camera("libcamera", "start", why))
 }
 
 fn find(manager: &CameraManager, wanted: &Wanted) -> Result<Camera<'static>, Error> {
@@ -200,7 +201,7 @@ fn configure(
     let is_luma = FORMATS.iter().any(|name| fourcc(name) == format);
     if status.is_invalid() || (size.width, size.height) != wanted.size_px || !is_luma {
         let can = format!("it offers {}x{} {format:?}", size.width, size.height);
-        return Err(asked(wanted, &can));
+        return Err(wanted.not_possible(&can));
     }
     active.configure(configuration).map_err(|why| format!("it refuses its own mode: {why}"))
 }
@@ -241,14 +242,8 @@ fn settle(camera: &mut LibCamera, wanted: &Wanted) -> Result<(), Error> {
         let gain_max = controls::limits(&camera.active, ControlId::AnalogueGain);
         let settings = settled(&wanted.settings, exposure_us, gain, gain_max.map_or(1.0, |l| l.1));
         camera.settled = settings;
-        let mut fixing = camera.next_request(FIRST_WITHIN)?;
-        if let Some(request) = &mut fixing {
-            // `give` resets a request's controls, so these go by hand.
-            request.reuse(::libcamera::request::ReuseFlag::REUSE_BUFFERS);
-            controls::fix(request.controls_mut(), &camera.active, &settings);
-        }
-        if let Some(request) = fixing {
-            camera.active.queue_request(request).map_err(|(_, why)| camera.gone(why))?;
+        if let Some(request) = camera.next_request(FIRST_WITHIN)? {
+            camera.give_with(request, |list, camera| controls::fix(list, camera, &settings))?;
         }
     }
     if is_too_fast(&stamps_ns, wanted.frame_rate_hz) {
@@ -275,13 +270,4 @@ fn model_of(camera: &Camera<'_>) -> String {
 
 fn fourcc(name: &[u8; 4]) -> PixelFormat {
     PixelFormat::new(u32::from_le_bytes(*name), 0)
-}
-
-fn asked(wanted: &Wanted, can: &str) -> String {
-    let ((width_px, height_px), rate_hz) = (wanted.size_px, wanted.frame_rate_hz);
-    format!("{width_px}x{height_px} at {rate_hz} frames/s is not possible: {can}")
-}
-
-fn refused(camera: &str, what: &str, why: std::io::Error) -> Error {
-    Error::of_camera(camera, what, why)
 }

@@ -1,11 +1,10 @@
 //! `calibrate aim`: is a camera turned to where a rig expects it?
 
-use crate::files::rig_from;
+use crate::files::rig_or_thesis;
 use crate::{overlay, pictures};
 use anyhow::Context as _;
 use fusion::Rig;
 use fusion::calibration::court::paint;
-use fusion::calibration::siting::Site;
 use shm_layout::Camera;
 use std::path::{Path, PathBuf};
 
@@ -47,12 +46,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let picture = pictures::read(file)?;
     let image_px = [picture.width_px() as u32, picture.height_px() as u32];
-    let rig = match (&args.rig, args.focal_px) {
-        (Some(file), _) => rig_from(file)?,
-        (None, focal_px) => {
-            Site { image_px, focal_px: focal_px.unwrap_or_default(), ..Site::THESIS }.rig()?
-        }
-    };
+    let rig = rig_or_thesis(args.rig.as_deref(), args.focal_px, image_px)?;
     check_size(&rig, camera, file, image_px)?;
     anyhow::ensure!(rig.court_from_left().is_some(), "the rig does not say where the court is");
     let lines = paint::lines(BASELINE_M, OTHERS_M);

@@ -1,12 +1,11 @@
 //! `calibrate court`: two pictures of the empty court in, rig.toml out.
 
-use crate::files::{Lens, Outputs, rig_from};
+use crate::files::{Lens, Outputs, rig_or_thesis};
 use crate::{overlay, pictures};
 use anyhow::Context as _;
 use fusion::calibration::court::guess::Range;
 use fusion::calibration::court::{self, CourtCalibration, Settings};
 use fusion::calibration::report::{self, CameraReport, PairReport, Refused, Report};
-use fusion::calibration::siting::Site;
 use shm_layout::Camera;
 use std::path::PathBuf;
 
@@ -56,14 +55,8 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let settings = settings_of(args)?;
     let pictures = [pictures::read(&args.left)?, pictures::read(&args.right)?];
-    let start = match (&args.rig, args.focal_px) {
-        (Some(file), _) => rig_from(file)?,
-        (None, focal_px) => {
-            let sides = [pictures[0].width_px(), pictures[0].height_px()];
-            let image_px = sides.map(|side| side as u32);
-            Site { image_px, focal_px: focal_px.unwrap_or_default(), ..Site::THESIS }.rig()?
-        }
-    };
+    let image_px = [pictures[0].width_px(), pictures[0].height_px()].map(|side| side as u32);
+    let start = rig_or_thesis(args.rig.as_deref(), args.focal_px, image_px)?;
     let found = court::from_pictures(pictures.each_ref(), &start, &settings)?;
     let report = report_of(&found);
     print!("{}", words(&found, &report));

@@ -4,6 +4,7 @@ use anyhow::Context as _;
 use fusion::Rig;
 use fusion::calibration::prior::LensSigma;
 use fusion::calibration::report::Report;
+use fusion::calibration::siting::Site;
 use std::path::{Path, PathBuf};
 
 /// Where what was found goes.
@@ -58,6 +59,21 @@ impl Lens {
 pub fn two_from<T: std::str::FromStr>(text: &str) -> Option<[T; 2]> {
     let (first, second) = text.split_once('x')?;
     Some([first.parse().ok()?, second.parse().ok()?])
+}
+
+/// A rig.toml, or without one cameras of this focal length that stand as those of the thesis.
+pub fn rig_or_thesis(
+    file: Option<&Path>,
+    focal_px: Option<f64>,
+    image_px: [u32; 2],
+) -> anyhow::Result<Rig> {
+    match file {
+        Some(file) => rig_from(file),
+        None => {
+            let focal_px = focal_px.unwrap_or_default(); // clap asks for one of both
+            Ok(Site { image_px, focal_px, ..Site::THESIS }.rig()?)
+        }
+    }
 }
 
 /// A rig.toml.

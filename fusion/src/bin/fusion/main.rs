@@ -84,10 +84,7 @@ enum FitFlag {
 }
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
+    shm_layout::log::to_stderr();
     let flags = Flags::parse();
     Stop::run("fusion", flags.with_parent, |stop| run(&flags, stop))
 }
