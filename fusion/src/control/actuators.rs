@@ -23,6 +23,8 @@ pub type KnownMatrix = SMatrix<f64, N_KNOWN, N_KNOWN>;
 /// How the causes of a flight depend on what is known.
 pub type Design = SMatrix<f64, N_CAUSES, N_KNOWN>;
 
+/// Where the offsets of speed, elevation, azimuth and backspin stand; each gain follows.
+pub const OFFSETS: [usize; 4] = [0, 2, 4, 6];
 /// Where the drag coefficient stands.
 pub const DRAG: usize = 8;
 /// Where the wind's x stands; y follows.
@@ -85,8 +87,8 @@ pub fn design(settings: &Vector4<f64>) -> Design {
     let mut design = Design::zeros();
     for axis in 0..AXES {
         let unit = if axis == Cause::Speed.idx() { settings[axis] } else { 1.0 };
-        design[(axis, 2 * axis)] = unit;
-        design[(axis, 2 * axis + 1)] = unit * leverage(axis, settings[axis]);
+        design[(axis, OFFSETS[axis])] = unit;
+        design[(axis, OFFSETS[axis] + 1)] = unit * leverage(axis, settings[axis]);
     }
     for (cause, known) in [(Cause::Drag, DRAG), (Cause::WindX, WIND), (Cause::WindY, WIND + 1)] {
         design[(cause.idx(), known)] = 1.0;

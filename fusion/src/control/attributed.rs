@@ -33,6 +33,23 @@ pub enum Why {
     Rest,
 }
 
+impl Why {
+    /// As in files.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Speed => "speed",
+            Self::Elevation => "elevation",
+            Self::Azimuth => "azimuth",
+            Self::Spin => "spin",
+            Self::Drag => "drag",
+            Self::Wind => "wind",
+            Self::Aim => "aim",
+            Self::Rest => "rest",
+        }
+    }
+}
+
 /// A part of a miss.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
@@ -45,7 +62,9 @@ pub struct Part {
     /// By how much the cause was another than believed: m/s, rad, rad, rad/s, 1; for wind its x and
     /// y, m/s; else nothing.
     pub amount: Vector2<f64>,
-    /// The same as a part of what was expected, where that means something: speed and drag.
+    /// 1 sigma of that.
+    pub amount_sigma: Vector2<f64>,
+    /// The amount as a part of what was expected, where that means something: speed and drag.
     pub amount_part: Option<f64>,
 }
 
@@ -81,10 +100,12 @@ pub fn parts(
             off_m: Vector2::zeros(),
             sigma_m: Vector2::zeros(),
             amount: Vector2::zeros(),
+            amount_sigma: Vector2::zeros(),
             amount_part: None,
         };
         for (i, a) in group.iter().map(|cause| cause.idx()).enumerate() {
             part.amount[i] = off[a];
+            part.amount_sigma[i] = covariance[(a, a)].max(0.0).sqrt();
             part.off_m += halfway.d_place.column(a) * off[a];
             for b in group.iter().map(|cause| cause.idx()) {
                 let both = halfway.d_place.column(a).component_mul(&halfway.d_place.column(b));
@@ -103,6 +124,7 @@ pub fn parts(
         off_m,
         sigma_m,
         amount: Vector2::zeros(),
+        amount_sigma: Vector2::zeros(),
         amount_part: None,
     };
     parts.push(without_cause(Why::Aim, aimed_m, Vector2::zeros()));

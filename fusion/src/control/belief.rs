@@ -17,7 +17,7 @@
 //! afterwards, and the evidence is worth `−½ ln|I + ΛΣ| − ½ rᵀ(Λ − ΛMΛ)r`. About 80 such steps of
 //! 10 by 10 a ball, 0.5 ms.
 
-use super::actuators::{self, DRAG, Design, Known, KnownMatrix, N_KNOWN};
+use super::actuators::{self, DRAG, Design, Known, KnownMatrix, N_KNOWN, OFFSETS};
 use crate::causes::{Cause, CauseColumn, CauseMatrix, Causes};
 
 /// Hypotheses that are kept.
@@ -183,7 +183,7 @@ impl Hypothesis {
         if what == 0 {
             AIR_CHANGE.into_iter().enumerate().for_each(|(i, sigma)| add(DRAG + i, sigma));
         } else {
-            MACHINE_CHANGE.into_iter().enumerate().for_each(|(i, sigma)| add(2 * i, sigma));
+            OFFSETS.into_iter().zip(MACHINE_CHANGE).for_each(|(i, sigma)| add(i, sigma));
         }
     }
 }

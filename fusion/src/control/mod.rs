@@ -376,4 +376,4 @@ fn nowhere() -> Unreachable {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

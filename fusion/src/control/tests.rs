@@ -26,7 +26,7 @@ fn information() -> CauseMatrix {
 }
 
 /// A machine, its balls and the wind.
-struct Court {
+pub(crate) struct Court {
     rng: ChaCha8Rng,
     /// Part of the speed, rad, rad, part of the spin.
     bias: [f64; 4],
@@ -37,7 +37,7 @@ struct Court {
 }
 
 impl Court {
-    fn new(seed: u64, scatter: Scatter) -> Self {
+    pub(crate) fn new(seed: u64, scatter: Scatter) -> Self {
         Self {
             rng: ChaCha8Rng::seed_from_u64(seed),
             bias: [0.05, 0.026, 0.0175, -0.1],
@@ -79,7 +79,7 @@ impl Court {
     }
 
     /// A ball as told.
-    fn fired(&mut self, aimed: &Aimed) -> Shot {
+    pub(crate) fn fired(&mut self, aimed: &Aimed) -> Shot {
         let mut causes = self.mean(&aimed.commanded.settings());
         let Scatter { speed_part, elevation_rad, azimuth_rad, spin_part } = self.scatter;
         let gust_m_s = self.gust_m_s;
@@ -134,13 +134,13 @@ impl Court {
     }
 }
 
-fn control(scatter: Scatter) -> Control {
+pub(crate) fn control(scatter: Scatter) -> Control {
     let machine = Machine { scatter, ..Machine::of_thesis() };
     Control::new(machine, pretend::reference_rig().physics(), HARD_COURT)
 }
 
 /// Deep and short, left and right, slow and fast, with and without spin.
-fn targets() -> Vec<Wanted> {
+pub(crate) fn targets() -> Vec<Wanted> {
     let machine = Machine::of_thesis();
     let spin = |rpm: f64| Some(Shape::BackspinRadS(rpm * std::f64::consts::PI / 30.0));
     [

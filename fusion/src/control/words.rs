@@ -26,15 +26,7 @@ pub fn sentence(correction: &Correction) -> String {
         None => "landing not measured".to_owned(),
         Some(miss_m) => miss(&miss_m, &correction.parts),
     };
-    let because = match correction.trust {
-        Trust::Used => None,
-        Trust::Odd(Oddity::Air) => Some("a gust or an odd ball, it counts little"),
-        Trust::Odd(Oddity::Launch) => Some("left the machine unlike the others, it counts little"),
-        Trust::Odd(_) => Some("unlike any ball (net cord?), it counts little"),
-        Trust::NotMeasured(outcome) => Some(outcome.text()),
-        Trust::Distrusted(why) => Some(why),
-    };
-    if let Some(because) = because {
+    if let Some(because) = reservation(correction.trust) {
         text += &format!(" ({because})");
     }
     let [air, machine] = correction.changed;
@@ -48,6 +40,19 @@ pub fn sentence(correction: &Correction) -> String {
         (_, None) => text + ": out of reach now",
         (true, _) => text + ": nothing is changed",
         (false, _) => format!("{text}: {}", changes.join(", ")),
+    }
+}
+
+/// Why a ball counted little or not at all; None if it counted.
+#[must_use]
+pub fn reservation(trust: Trust) -> Option<&'static str> {
+    match trust {
+        Trust::Used => None,
+        Trust::Odd(Oddity::Air) => Some("a gust or an odd ball, it counts little"),
+        Trust::Odd(Oddity::Launch) => Some("left the machine unlike the others, it counts little"),
+        Trust::Odd(_) => Some("unlike any ball (net cord?), it counts little"),
+        Trust::NotMeasured(outcome) => Some(outcome.text()),
+        Trust::Distrusted(why) => Some(why),
     }
 }
 

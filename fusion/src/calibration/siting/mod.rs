@@ -7,7 +7,6 @@
 //!
 //! What is left out: trees, players, light; a ball in the image is seen in every frame.
 
-mod canvas;
 pub mod coverage;
 pub mod flights;
 pub mod picture;

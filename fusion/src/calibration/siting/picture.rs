@@ -1,8 +1,8 @@
 //! A siting report -> a picture of it, as SVG: the court from above with what each camera sees, and
 //! the far half with the sigmas of a bounce in each cell.
 
-use super::canvas::{Anchor, Canvas};
 use super::report::{CellView, N_CELLS, Report, SigmaView};
+use crate::canvas::{Anchor, Canvas};
 use crate::world::court::{
     DOUBLES_HALF_WIDTH_M, LENGTH_M, NET_TO_SERVICE_LINE_M, NET_Y_M, SINGLES_HALF_WIDTH_M,
 };
@@ -101,7 +101,7 @@ fn plan(canvas: &mut Canvas, report: &Report) {
         let style = format!("fill:none;stroke:{GREEN};stroke-width:1.2;stroke-dasharray:5 4");
         canvas.polygon(hip.both_polygon_m.iter().map(|place| on_plan(*place)), &style);
     }
-    court_lines(canvas);
+    canvas.court(on_plan);
     for y_m in (-5..45).step_by(5).map(f64::from) {
         let [_, y] = on_plan([0.0, y_m]);
         canvas.line([PLAN[0], y], [PLAN[0] + 6.0, y], "stroke:#444");
@@ -124,25 +124,6 @@ fn plan(canvas: &mut Canvas, report: &Report) {
             canvas.words(place, Anchor::End, "font-size:12px;fill:#444", &words);
         }
     }
-}
-
-fn court_lines(canvas: &mut Canvas) {
-    const LINE: &str = "stroke:#222;stroke-width:1.6";
-    let (doubles, singles) = (DOUBLES_HALF_WIDTH_M, SINGLES_HALF_WIDTH_M);
-    let mut line = |from, to, style| canvas.line(on_plan(from), on_plan(to), style);
-    for side in [-1.0, 1.0] {
-        line([side * doubles, 0.0], [side * doubles, LENGTH_M], LINE);
-        line([side * singles, 0.0], [side * singles, LENGTH_M], LINE);
-        let service_m = NET_Y_M + side * NET_TO_SERVICE_LINE_M;
-        line([-singles, service_m], [singles, service_m], LINE);
-    }
-    let services_m = [NET_Y_M - NET_TO_SERVICE_LINE_M, NET_Y_M + NET_TO_SERVICE_LINE_M];
-    line([0.0, services_m[0]], [0.0, services_m[1]], LINE);
-    for y_m in [0.0, LENGTH_M] {
-        line([-doubles, y_m], [doubles, y_m], "stroke:#222;stroke-width:2.4");
-    }
-    let posts_m = doubles + 0.914;
-    line([-posts_m, NET_Y_M], [posts_m, NET_Y_M], "stroke:#222;stroke-width:3");
 }
 
 fn plan_words(canvas: &mut Canvas, report: &Report) {

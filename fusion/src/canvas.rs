@@ -1,5 +1,8 @@
-//! Shapes -> SVG text. Pixels of the picture, y down.
+//! Shapes -> SVG text: the pictures of reports. Pixels of the picture, y down.
 
+use crate::world::court::{
+    DOUBLES_HALF_WIDTH_M, LENGTH_M, NET_TO_SERVICE_LINE_M, NET_Y_M, SINGLES_HALF_WIDTH_M,
+};
 use std::fmt::{Arguments, Write};
 
 /// How words stand to their place.
@@ -57,6 +60,33 @@ impl Canvas {
         let points: Vec<String> =
             points.into_iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
         self.shape("polygon", format_args!("points=\"{}\"", points.join(" ")), style);
+    }
+
+    /// Open.
+    pub fn polyline(&mut self, points: impl IntoIterator<Item = [f64; 2]>, style: &str) {
+        let points: Vec<String> =
+            points.into_iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
+        self.shape("polyline", format_args!("points=\"{}\"", points.join(" ")), style);
+    }
+
+    /// The lines of a court and its net, from above.
+    pub fn court(&mut self, on_plan: impl Fn([f64; 2]) -> [f64; 2]) {
+        const LINE: &str = "stroke:#222;stroke-width:1.6";
+        let (doubles, singles) = (DOUBLES_HALF_WIDTH_M, SINGLES_HALF_WIDTH_M);
+        let mut line = |from, to, style| self.line(on_plan(from), on_plan(to), style);
+        for side in [-1.0, 1.0] {
+            line([side * doubles, 0.0], [side * doubles, LENGTH_M], LINE);
+            line([side * singles, 0.0], [side * singles, LENGTH_M], LINE);
+            let service_m = NET_Y_M + side * NET_TO_SERVICE_LINE_M;
+            line([-singles, service_m], [singles, service_m], LINE);
+        }
+        let services_m = [NET_Y_M - NET_TO_SERVICE_LINE_M, NET_Y_M + NET_TO_SERVICE_LINE_M];
+        line([0.0, services_m[0]], [0.0, services_m[1]], LINE);
+        for y_m in [0.0, LENGTH_M] {
+            line([-doubles, y_m], [doubles, y_m], "stroke:#222;stroke-width:2.4");
+        }
+        let posts_m = doubles + 0.914;
+        line([-posts_m, NET_Y_M], [posts_m, NET_Y_M], "stroke:#222;stroke-width:3");
     }
 
     /// A disc.
