@@ -10,6 +10,9 @@
 //! clocks, [`watch`] what shots say of the rig that [`calibration`] has made; [`quadratic`] is the
 //! thesis' way to measure. [`Fusion`] is all of it, [`explain`] says why it lost a ball.
 //! [`mod@reference`] is what a ball machine's settings should have given, and how a shot differs.
+//! Back to the machine: [`aim`] (wanted shot -> settings), [`causes`] and [`landed`] (what a flight
+//! says of its launch and air, and where such a flight lands), [`control`] (the closed loop) and
+//! [`session`] (what came of it).
 //!
 //! Deliberately absent: IO, a clock of its own, and `Result` in the pipeline. What cannot be used
 //! is dropped and counted ([`Dropped`], [`Rejected`]). Every queue has a maximum, so a stream may

@@ -195,38 +195,43 @@ impl Control {
         Ok(aimed)
     }
 
-    /// The same, and it is not taken for told.
-    fn aimed_now(&self, wanted: &Wanted) -> Result<Aimed, Box<OutOfReach>> {
+    /// All ways to make a wanted shot, the flattest first: where a speed is wanted, a flat one and a
+    /// lob. None is taken for told.
+    ///
+    /// # Errors
+    /// [`OutOfReach`] with the nearest shot.
+    pub fn offers(&self, wanted: &Wanted) -> Result<Vec<Aimed>, Box<OutOfReach>> {
         let known = self.belief.mean();
         // Limits are those of settings; what a launch may be follows from them.
         let reach = self.machine.with_ranges(self.reach(&known));
         let breeze = breeze_of(&known);
         let conditions =
             Conditions { breeze: &breeze, physics: &self.physics, surface: &self.surface };
-        let last = self.last_told(wanted);
+        let told = |solution: &Solution| {
+            let launch = Vector4::from(solution.commanded.settings());
+            self.stepped(wanted, actuators::settings_for(&launch, &known), &known)
+        };
         match aim::aim(wanted, &reach, &conditions) {
-            Ok(solutions) => {
-                let settings_of =
-                    |solution: &Solution| actuators::settings_for(&launch_of(solution), &known);
-                let all = solutions.iter().map(settings_of);
-                // The flattest, or the one nearest to what it was: no shot turns into a lob.
-                let nearest = match last {
-                    None => all.take(1).next(),
-                    Some(last) => all.min_by(|a, b| {
-                        (a - last).norm_squared().total_cmp(&(b - last).norm_squared())
-                    }),
-                };
-                let aimed = nearest.and_then(|settings| self.stepped(wanted, settings, &known));
-                aimed.ok_or_else(|| Box::new(OutOfReach { unreachable: nowhere(), nearest: None }))
-            }
+            Ok(solutions) => Ok(solutions.iter().filter_map(told).collect()),
             Err(unreachable) => {
-                let nearest = unreachable.nearest.as_ref().and_then(|solution| {
-                    let settings = actuators::settings_for(&launch_of(solution), &known);
-                    self.stepped(wanted, settings, &known)
-                });
+                let nearest = unreachable.nearest.as_ref().and_then(told);
                 Err(Box::new(OutOfReach { unreachable: *unreachable, nearest }))
             }
         }
+    }
+
+    /// The flattest of the offers, or the one nearest to what was told last: no shot turns into a
+    /// lob because of a breeze. It is not taken for told.
+    fn aimed_now(&self, wanted: &Wanted) -> Result<Aimed, Box<OutOfReach>> {
+        let offers = self.offers(wanted)?;
+        let last = self.last_told(wanted);
+        let off = |aimed: &Aimed| {
+            last.map_or(0.0, |last| {
+                (Vector4::from(aimed.commanded.settings()) - last).norm_squared()
+            })
+        };
+        let nearest = offers.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+        nearest.ok_or_else(|| Box::new(OutOfReach { unreachable: nowhere(), nearest: None }))
     }
 
     /// What launches the limits of the settings allow.
@@ -357,10 +362,6 @@ impl Control {
             self.scatter_squares[i] = self.scatter_squares[i] * keep + square * learned.ordinary;
         }
     }
-}
-
-fn launch_of(solution: &Solution) -> Vector4<f64> {
-    Vector4::from(solution.commanded.settings())
 }
 
 fn breeze_of(known: &Known) -> Breeze {
