@@ -29,10 +29,11 @@ struct Flags {
     /// Scenes with commas between; default: all.
     #[arg(long)]
     scene: Option<String>,
-    /// Controllers with commas between; default: all.
+    /// Controllers with commas between; default: all, but `integrator` with scene `bias` alone.
     #[arg(long)]
     controller: Option<String>,
-    /// So many sessions of each with rendered frames, in place of candidates: half a minute each.
+    /// So many sessions with rendered frames as well, of scene `bias` if none is named: a minute
+    /// each.
     #[arg(long, value_name = "N", default_value_t = 0)]
     rendered: u32,
     /// The first session's; each other one has the next.
@@ -102,7 +103,7 @@ fn variants_from_flags(flags: &Flags, is_rendered: bool) -> anyhow::Result<Vec<V
     let builds: Result<Vec<Build>, String> =
         flags.machine.split(',').map(Build::from_name).collect();
     let known = |name: &str| {
-        controllers::from_name(name)?;
+        controllers::from_name(name, &Build::REAL)?;
         Ok(controllers::NAMES.into_iter().find(|known| *known == name))
     };
     let chosen: Result<Vec<Option<&'static str>>, String> = match &flags.controller {
@@ -113,10 +114,17 @@ fn variants_from_flags(flags: &Flags, is_rendered: bool) -> anyhow::Result<Vec<V
         chosen.map_err(anyhow::Error::msg)?.into_iter().flatten().collect();
     let builds = builds.map_err(anyhow::Error::msg)?;
     let mut variants = Vec::new();
-    for scene in scenes.map_err(anyhow::Error::msg)? {
+    let is_wanted = |scene: &Scene| flags.scene.is_some() || !is_rendered || *scene == Scene::Bias;
+    for scene in scenes.map_err(anyhow::Error::msg)?.into_iter().filter(is_wanted) {
         for &build in &builds {
-            // Who never looks needs no pictures.
-            let looking = chosen.iter().filter(|name| !is_rendered || **name != "none");
+            let is_default = flags.controller.is_none();
+            let is_asked = |name: &&&str| match **name {
+                // Who never looks needs no pictures.
+                "none" => !is_rendered,
+                "integrator" => !is_default || (scene == Scene::Bias && !is_rendered),
+                _ => true,
+            };
+            let looking = chosen.iter().filter(is_asked);
             variants.extend(looking.map(|&controller| Variant {
                 scene,
                 build,

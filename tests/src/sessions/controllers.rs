@@ -1,9 +1,14 @@
 //! Shots -> what to tell the machine for the next one: the ways that are compared.
 
+use fusion::aim::machine::Scatter;
+use fusion::control::actuators::{DRAG, WIND};
+use fusion::control::{Aimed, Control};
+use fusion::world::rebound::HARD_COURT;
 use fusion::{Outcome, Shot};
 use nalgebra::Vector2;
 
-use super::targets::{N_TARGETS, Nominal, Target, six};
+use super::targets::{N_TARGETS, Nominal, Target, six, told_from_settings};
+use crate::machine::actuators::Build;
 use crate::machine::told::Told;
 
 /// What a controller believes of the air, and how sure it is.
@@ -46,16 +51,17 @@ pub trait Controller {
 }
 
 /// Names of all controllers.
-pub const NAMES: [&str; 2] = ["none", "integrator"];
+pub const NAMES: [&str; 3] = ["none", "integrator", "control"];
 
-/// The controller of this name, before the first ball.
+/// The controller of this name for a kind of machine, before the first ball.
 ///
 /// # Errors
 /// When there is none; the text lists those there are.
-pub fn from_name(name: &str) -> Result<Box<dyn Controller>, String> {
+pub fn from_name(name: &str, build: &Build) -> Result<Box<dyn Controller>, String> {
     match name {
         "none" => Ok(Box::new(Blind::default())),
         "integrator" => Ok(Box::new(Integrator::default())),
+        "control" => Ok(Box::new(ByModel::new(build))),
         _ => Err(format!("expected one of {}, got {name:?}", NAMES.join(", "))),
     }
 }
@@ -128,5 +134,66 @@ impl Controller for Integrator {
             self.told[target_idx] = None;
         }
         Learned::default()
+    }
+}
+
+/// `fusion`'s own, which is told how the machine scatters as its maker would say it: of the real
+/// one what is usual.
+pub struct ByModel {
+    nominal: Nominal,
+    control: Control,
+}
+
+impl ByModel {
+    /// Before the first ball.
+    pub fn new(build: &Build) -> Self {
+        let mut nominal = Nominal::default();
+        if *build == Build::PRECISE {
+            let [speed_part, elevation_rad, azimuth_rad, _] = build.scatter;
+            let spin_part = build.spin_scatter;
+            nominal.machine.scatter = Scatter { speed_part, elevation_rad, azimuth_rad, spin_part };
+        }
+        let control = Control::new(nominal.machine.clone(), nominal.physics, HARD_COURT);
+        Self { nominal, control }
+    }
+
+    /// The nearest if it is out of reach.
+    fn aimed(&self, control: &mut Control, target_idx: usize) -> Aimed {
+        let wanted = six()[target_idx].wanted(Vector2::zeros(), &self.nominal.machine);
+        match control.aimed(&wanted) {
+            Ok(aimed) => aimed,
+            Err(why) => why.nearest.expect("a shot that passes the net"),
+        }
+    }
+}
+
+impl Controller for ByModel {
+    fn told(&mut self, target_idx: usize) -> Told {
+        // Who is only asked remembers nothing.
+        let mut asked = self.control.clone();
+        told_from_settings(self.aimed(&mut asked, target_idx).commanded.settings())
+    }
+
+    fn learn(&mut self, target_idx: usize, told: &Told, shot: Option<&Shot>) -> Learned {
+        let mut control = self.control.clone();
+        let aimed = self.aimed(&mut control, target_idx);
+        assert_eq!(told_from_settings(aimed.commanded.settings()), *told, "told as it was asked");
+        let learned = shot.map(|shot| {
+            let correction = control.update(&aimed, shot);
+            let sum_m = correction.parts.iter().map(|part| part.off_m).sum::<Vector2<f64>>();
+            let miss_m = correction.miss_m.filter(|_| !correction.parts.is_empty());
+            Learned {
+                unexplained_m: miss_m.map(|miss_m| (miss_m - sum_m).norm()),
+                sentence: correction.sentence,
+            }
+        });
+        self.control = control;
+        learned.unwrap_or_default()
+    }
+
+    fn air(&self) -> Option<Air> {
+        let (mean, covariance) = (self.control.belief().mean(), self.control.belief().covariance());
+        let known = |idx: usize| [mean[idx], covariance[(idx, idx)].sqrt()];
+        Some(Air { drag: known(DRAG), wind_x_m_s: known(WIND), wind_y_m_s: known(WIND + 1) })
     }
 }

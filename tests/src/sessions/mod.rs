@@ -110,7 +110,8 @@ pub fn one(
     backgrounds: &Arc<Backgrounds>,
 ) -> Session {
     let plan = Plan::drawn(seed, variant.scene, variant.build, n_balls);
-    let mut controller = controllers::from_name(variant.controller).expect("a known controller");
+    let controller = controllers::from_name(variant.controller, &variant.build);
+    let mut controller = controller.expect("a known controller");
     let eyes = if variant.is_rendered {
         let scenario = watched::scenario(seed, true);
         Eyes::Rendered(Box::new(Rendered::new(&scenario, Arc::clone(backgrounds))))

@@ -13,6 +13,7 @@ use super::controllers::{Air, Controller, Learned};
 use super::scene::Plan;
 use super::targets::{N_TARGETS, six};
 use super::watched::{Eyes, Watched};
+use crate::machine::Machine;
 use crate::machine::told::Told;
 use crate::truth::FlightEnd;
 use crate::world::World;
@@ -66,6 +67,8 @@ pub struct AirOff {
 pub struct Session {
     /// What it was drawn from.
     pub seed: u64,
+    /// The machine it was played with.
+    pub machine: Machine,
     /// All balls.
     pub balls: Vec<Ball>,
     /// How far the commanded mean is from each target, after the last ball.
@@ -137,7 +140,7 @@ pub fn session(plan: &Plan, controller: &mut dyn Controller, eyes: Eyes) -> Sess
     }
     let after_m = systematic_m(plan, controller, plan.n_balls(), &world);
     let air = controller.air().map(|air| air_off(plan, controller, &air, &world));
-    Session { seed: plan.seed, balls, after_m, air }
+    Session { seed: plan.seed, machine: plan.machine.clone(), balls, after_m, air }
 }
 
 /// The shot that was launched next to a time.

@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::Vector2;
 use serde_json::{Value, json};
 
 use super::Variant;
@@ -221,7 +222,10 @@ fn session_json(variant: &Variant, session: &Session) -> Value {
                 "target": ball.target_idx,
                 "told": ball.told.numbers(),
                 "systematic_m": session.systematic_m(idx),
-                "miss_m": ball.miss_m.map(|m| [m.x, m.y]),
+                "systematic_of_each_m": ball.systematic_m,
+                "fault": session.machine.fault(idx).map(|fault| format!("{fault:?}")),
+                "wind_m_s": xy(session.machine.breeze.of_ball(idx, [0.0; 2])),
+                "miss_m": ball.miss_m.map(xy),
                 "in_net": ball.is_in_net,
                 "measured_off_m": ball.measured_off_m,
                 "other_shots": ball.n_other_shots,
@@ -246,6 +250,16 @@ fn session_json(variant: &Variant, session: &Session) -> Value {
         "seed": session.seed,
         "after_m": session.systematic_m(session.balls.len()),
         "air": air,
+        "truth": {
+            "offset_gain_bend_drift": session.machine.actuators.axes.map(|axis| {
+                [axis.offset, axis.gain, axis.bend, axis.drift_per_ball]
+            }),
+            "drag_coefficient": session.machine.balls.drag_coefficient,
+        },
         "balls": balls,
     })
+}
+
+fn xy(v: Vector2<f64>) -> [f64; 2] {
+    v.into()
 }

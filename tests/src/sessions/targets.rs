@@ -89,20 +89,13 @@ impl Nominal {
             Ok(mut solutions) => solutions.swap_remove(0),
             Err(why) => why.nearest.expect("a shot that passes the net"),
         };
-        told_from(&solution.reference.launch)
+        told_from_settings(solution.commanded.settings())
     }
 }
 
-/// The settings of a launch.
-pub fn told_from(launch: &fusion::world::acceleration::Aloft) -> Told {
-    let v = launch.velocity_m_s;
-    let axis = nalgebra::Vector3::new(v.y, -v.x, 0.0).normalize();
-    Told {
-        speed_m_s: v.norm(),
-        elevation_rad: v.z.atan2(v.x.hypot(v.y)),
-        azimuth_rad: v.x.atan2(v.y),
-        backspin_rad_s: launch.spin_rad_s.dot(&axis),
-    }
+/// Settings in `fusion`'s order, which is the same.
+pub fn told_from_settings(settings: [f64; 4]) -> Told {
+    Told::from_numbers(settings)
 }
 
 /// [`Nominal::told`] for a target.

@@ -50,7 +50,7 @@ fn an_integrator_takes_back_what_it_sees() {
 
 #[test]
 fn an_unknown_controller_is_refused_with_those_there_are() {
-    assert!(from_name("pid").err().unwrap().contains("none, integrator"));
+    assert!(from_name("pid", &Build::REAL).err().unwrap().contains("none, integrator"));
 }
 
 #[test]
