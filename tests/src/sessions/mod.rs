@@ -1,8 +1,9 @@
 //! Sessions in a closed loop: a machine that is off, two cameras, `fusion`, a controller.
 //!
-//! Read in this order: the [`targets`]; a [`scene`] makes a plan of a seed; [`played`] plays it,
-//! [`watched`] by cameras at candidate level or rendered ones, with one of the [`controllers`];
-//! [`figures`] makes numbers of many sessions, [`table`] the text. Two threads share the sessions.
+//! Read in this order: the [`targets`]; a [`scene`] makes a plan of a seed; [`played`] plays it
+//! with one of the [`controllers`], [`sighted`] by cameras (at candidate level, or rendered) and
+//! [`watched`] by `fusion`; [`figures`] makes numbers of many sessions, [`table`] the text. Two
+//! threads share the sessions. [`served`] plays frames to a `fusion` that is a process.
 //!
 //! All controllers of a comparison play the same machine with the same chances.
 
@@ -12,9 +13,12 @@ pub mod scene;
 
 pub mod controllers;
 
+pub mod sighted;
 pub mod watched;
 
 pub mod played;
+
+pub mod served;
 
 pub mod figures;
 
@@ -27,7 +31,7 @@ use crate::machine::actuators::Build;
 use crate::scene_table::Backgrounds;
 use played::Session;
 use scene::{Plan, Scene};
-use watched::{Eyes, Rendered};
+use sighted::{Eyes, Rendered};
 
 /// Threads that play sessions.
 const N_THREADS: usize = 2;
@@ -113,7 +117,7 @@ pub fn one(
     let controller = controllers::from_name(variant.controller, &variant.build);
     let mut controller = controller.expect("a known controller");
     let eyes = if variant.is_rendered {
-        let scenario = watched::scenario(seed, true);
+        let scenario = sighted::scenario(seed, true);
         Eyes::Rendered(Box::new(Rendered::new(&scenario, Arc::clone(backgrounds))))
     } else {
         Eyes::Drawn

@@ -11,8 +11,9 @@ use nalgebra::Vector2;
 
 use super::controllers::{Air, Controller, Learned};
 use super::scene::Plan;
+use super::sighted::Eyes;
 use super::targets::{N_TARGETS, six};
-use super::watched::{Eyes, Watched};
+use super::watched::Watched;
 use crate::machine::Machine;
 use crate::machine::told::Told;
 use crate::truth::FlightEnd;

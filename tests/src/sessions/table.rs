@@ -180,7 +180,8 @@ fn number(value: Option<f64>, n_digits: usize) -> String {
 }
 
 /// Head of the lines.
-pub const LINES_HEAD: &str = "scene,machine,controller,rendered,seed,balls,after 1,after 3,after 5,after 7,after 10,after 20";
+pub const LINES_HEAD: &str = "scene,machine,controller,rendered,seed,balls,\
+                              after 1,after 3,after 5,after 7,after 10,after 20";
 
 /// A session as a line: how far the commanded mean is off, in metres.
 pub fn line_from(variant: &Variant, session: &Session) -> String {
