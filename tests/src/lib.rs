@@ -26,7 +26,8 @@
 //!
 //! [`accuracy`] says how well `fusion` measures shots, from candidates and from pixels; [`courts`]
 //! how well rigs are calibrated from a court's lines; [`bumped`] how soon `fusion` notices that a
-//! camera was turned.
+//! camera was turned; [`sessions`] how soon a [`machine`] that is off hits its targets, when it is
+//! corrected by what was measured.
 //!
 //! Deliberately absent: any code shared with the estimator. Physics and projection are written
 //! anew here, so that both can only agree by both being right.
@@ -134,3 +135,7 @@ pub mod accuracy;
 
 pub mod bumped;
 pub mod courts;
+
+pub mod machine;
+
+pub mod sessions;

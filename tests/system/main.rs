@@ -19,6 +19,7 @@ mod residents; // processes that are killed, and Ctrl-C
 mod run; // starting `track` and reading what it wrote
 mod same_bits; // the candidates do not depend on the number of workers
 mod scenes; // how well balls are found, scene by scene
+mod sessions; // how soon a machine that is off hits its targets
 mod sizes; // capture begins anew with frames of another size
 mod sweep; // how well shots are measured, cell by cell
 mod tidy; // the house rules

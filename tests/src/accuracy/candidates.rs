@@ -76,6 +76,19 @@ pub fn stream_through(
     Stream { seed, scenario, truth, clocks, frames }
 }
 
+/// The frames of a part of a longer stream, in order: from the first time until before the second.
+pub fn frames_between(
+    span_s: [f64; 2],
+    (scenario, truth): (&Scenario, &Truth),
+    sight: &Sight,
+    clocks: &Clocks,
+    rng: &mut impl Rng,
+) -> Vec<Seen> {
+    let court = Court { span_s, ..Court::new(scenario, truth, sight, clocks, rng) };
+    let looked = Side::BOTH.map(|side| court.seen_by(side, rng));
+    in_order(looked.into_iter().flatten().collect())
+}
+
 /// What a stream's clocks and candidates are drawn with; its launches have another one.
 pub fn rng_from_seed(seed: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -119,7 +132,8 @@ struct Court<'a> {
     passers: Vec<Passer>,
     /// For each flight: from when until when nobody sees it.
     gaps_s: Vec<(f64, f64)>,
-    end_s: f64,
+    /// From the first until before the second.
+    span_s: [f64; 2],
 }
 
 impl<'a> Court<'a> {
@@ -149,7 +163,7 @@ impl<'a> Court<'a> {
             leftovers,
             passers: (0..sight.n_passers).map(|_| Passer::drawn(rng)).collect(),
             gaps_s,
-            end_s: ended_s + AFTER_LAST_FLIGHT_S,
+            span_s: [0.0, ended_s + AFTER_LAST_FLIGHT_S],
         }
     }
 
@@ -159,8 +173,11 @@ impl<'a> Court<'a> {
         let mut frames = Vec::new();
         for frame_idx in 0.. {
             let at_s = self.clocks.exposed_at_s(side, frame_idx);
-            if at_s > self.end_s {
+            if at_s >= self.span_s[1] {
                 break;
+            }
+            if at_s < self.span_s[0] {
+                continue;
             }
             if rng.random_bool(self.sight.lost_frames) {
                 continue;
