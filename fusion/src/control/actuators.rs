@@ -40,7 +40,7 @@ const PRIOR_SIGMA: [f64; N_KNOWN] =
 
 /// By how much each may change from one ball to the next, 1 sigma: wear, warmth, felt, weather.
 const DRIFT_SIGMA: [f64; N_KNOWN] =
-    [0.002, 2e-4, 1.7e-4, 2e-5, 1.7e-4, 2e-5, 1.0, 0.3, 0.0016, 0.03, 0.03];
+    [7e-4, 1e-4, 1e-4, 2e-5, 1e-4, 2e-5, 0.4, 0.2, 8e-4, 0.02, 0.02];
 
 /// 1 sigma from ball to ball of what the machine's own scatter does not say.
 /// Spin: what a motor does at rest, and the scatter of lift from ball to ball (Cross & Lindsey

@@ -5,7 +5,8 @@
 //!
 //! - **A ball may be odd**: a gust, a dead ball, a net cord, a wrong track. Each is a kind with a
 //!   prior probability and a wider scatter ([`Oddity`]); the update is the mixture of all, so an odd
-//!   ball is believed as far as it may be an ordinary one.
+//!   ball is believed as far as it may be an ordinary one. Of the last two balls both stays open:
+//!   the first ball of a session may be the dead one.
 //! - **Things change at once**: the wind turns, somebody knocks against the machine. With every
 //!   ball the hypotheses "the air changed just now" and "the machine did" come up beside "nothing
 //!   did", and live or die by what follows: Bayesian online change-point detection (Adams & MacKay
@@ -14,21 +15,21 @@
 //!
 //! A ball's evidence may be silent in some directions ([`Causes`]); with Σ the covariance expected
 //! of its causes and Λ its information, `M = (Λ + Σ⁻¹)⁻¹` is what is known of the causes
-//! afterwards, and the evidence is worth `−½ ln|I + ΛΣ| − ½ rᵀ(Λ − ΛMΛ)r`. About 80 such steps of
-//! 10 by 10 a ball, 0.5 ms.
+//! afterwards, and the evidence is worth `−½ ln|I + ΛΣ| − ½ rᵀ(Λ − ΛMΛ)r`. About 150 such steps
+//! of 10 by 10 a ball, a millisecond.
 
 use super::actuators::{self, DRAG, Design, Known, KnownMatrix, N_KNOWN, OFFSETS};
 use crate::causes::{Cause, CauseColumn, CauseMatrix, Causes};
 
 /// Hypotheses that are kept.
-const N_MAX: usize = 12;
+const N_MAX: usize = 24;
 
 /// A hypothesis that is less likely than this is dropped.
 const WEIGHT_MIN: f64 = 1e-6;
 
-/// How likely the air, or the machine, is to have changed at any ball.
-const AIR_CHANGES: f64 = 0.01;
-const MACHINE_CHANGES: f64 = 0.003;
+/// How likely the air, or the machine, is to have changed at any ball. A gust that lasts two balls must not win, a step must within three or four.
+const AIR_CHANGES: f64 = 0.002;
+const MACHINE_CHANGES: f64 = 0.001;
 
 /// 1 sigma of such a change.
 const AIR_CHANGE: [f64; 3] = [0.03, 2.5, 2.5];
@@ -36,6 +37,9 @@ const MACHINE_CHANGE: [f64; 4] = [0.03, 0.015, 0.015, 15.0];
 
 /// Changes longer ago than this, in balls, are told apart no more.
 const FORGOTTEN: u64 = 25;
+
+/// Whether these last balls were odd is kept open: the next one may tell.
+const N_OPEN: u8 = 2;
 
 /// What kind of ball it was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,8 +87,16 @@ struct Hypothesis {
     weight: f64,
     mean: Known,
     covariance: KnownMatrix,
+    key: Key,
+}
+
+/// By what hypotheses differ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Key {
     /// At which ball the air changed last, and the machine.
     changed: [u64; 2],
+    /// Whether the last balls were odd, the latest in bit 0.
+    odd: u8,
 }
 
 /// What is known of machine and air.
@@ -97,7 +109,8 @@ pub struct Belief {
 impl Default for Belief {
     fn default() -> Self {
         let (mean, covariance) = actuators::prior();
-        let first = Hypothesis { weight: 1.0, mean, covariance, changed: [0; 2] };
+        let key = Key { changed: [0; 2], odd: 0 };
+        let first = Hypothesis { weight: 1.0, mean, covariance, key };
         Self { hypotheses: vec![first], n_balls: 0 }
     }
 }
@@ -149,7 +162,7 @@ impl Belief {
                 let mut parent = drifted;
                 if let Some((what, rate)) = change {
                     parent.weight *= rate;
-                    parent.changed[what] = now;
+                    parent.key.changed[what] = now;
                     parent.widen(what);
                 }
                 // A change and an odd ball at once would be found with the next ball as well.
@@ -227,6 +240,7 @@ impl Ball<'_> {
         let log_volume = log_determinant(&roots) + log_determinant(&after);
         let gain = through * expected_inverse;
         let mut hypothesis = *parent;
+        hypothesis.key.odd = parent.key.odd << 1 | u8::from(oddity != Oddity::None);
         hypothesis.mean += gain * moved;
         hypothesis.covariance -= gain * (expected - covariance) * gain.transpose();
         hypothesis.covariance = (hypothesis.covariance + hypothesis.covariance.transpose()) * 0.5;
@@ -279,8 +293,8 @@ fn learned_from(children: &[Child], now: u64, ball: &Ball<'_>) -> Option<Learned
         covariance: best.covariance,
         oddity: best.oddity,
         ordinary: weight_of(&|child| child.oddity == Oddity::None),
-        air_changed: weight_of(&|child| child.hypothesis.changed[0] == now),
-        machine_changed: weight_of(&|child| child.hypothesis.changed[1] == now),
+        air_changed: weight_of(&|child| child.hypothesis.key.changed[0] == now),
+        machine_changed: weight_of(&|child| child.hypothesis.key.changed[1] == now),
         scatter_squares: std::array::from_fn(|i| own[i] * own[i] + open[(i, i)].max(0.0)),
     })
 }
@@ -289,9 +303,11 @@ fn learned_from(children: &[Child], now: u64, ball: &Ball<'_>) -> Option<Learned
 /// are kept.
 fn merged(children: &[Child], now: u64) -> Vec<Hypothesis> {
     let mut merged: Vec<Hypothesis> = Vec::with_capacity(N_MAX);
-    let mut keys: Vec<[u64; 2]> = Vec::new();
+    let mut keys: Vec<Key> = Vec::new();
     let key_of = |child: &Child| {
-        child.hypothesis.changed.map(|at| if now - at > FORGOTTEN { 0 } else { at })
+        let Key { changed, odd } = child.hypothesis.key;
+        let changed = changed.map(|at| if now - at > FORGOTTEN { 0 } else { at });
+        Key { changed, odd: odd & ((1 << N_OPEN) - 1) }
     };
     for child in children {
         let key = key_of(child);
@@ -308,7 +324,7 @@ fn merged(children: &[Child], now: u64) -> Vec<Hypothesis> {
         let mean: Known = same().map(|h| h.mean * (h.weight / weight)).sum();
         let of = |h: &Hypothesis| (h.covariance + square(&(h.mean - mean))) * (h.weight / weight);
         let covariance = same().map(of).sum();
-        merged.push(Hypothesis { weight, mean, covariance, changed: key });
+        merged.push(Hypothesis { weight, mean, covariance, key });
     }
     merged.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     merged.truncate(N_MAX);

@@ -13,7 +13,7 @@ pub mod summary;
 pub mod table;
 
 use crate::aim::Wanted;
-use crate::control::actuators::{DRAG, OFFSETS, WIND};
+use crate::control::actuators::OFFSETS;
 use crate::control::attributed::Part;
 use crate::control::{Aimed, Control, Correction, Trust};
 use crate::shot::{Bounce, Shot};
@@ -161,12 +161,12 @@ impl Session {
 
 fn believed(control: &Control) -> (Air, Machine) {
     let (mean, covariance) = (control.belief().mean(), control.belief().covariance());
-    let sigma = |i: usize| covariance[(i, i)].sqrt();
-    let air = [DRAG, WIND, WIND + 1];
-    (
-        Air { value: air.map(|i| mean[i]), sigma: air.map(sigma) },
-        Machine { value: OFFSETS.map(|i| mean[i]), sigma: OFFSETS.map(sigma) },
-    )
+    let air = control.air();
+    let machine = Machine {
+        value: OFFSETS.map(|i| mean[i]),
+        sigma: OFFSETS.map(|i| covariance[(i, i)].sqrt()),
+    };
+    (Air { value: air.map(|[value, _]| value), sigma: air.map(|[_, sigma]| sigma) }, machine)
 }
 
 #[cfg(test)]

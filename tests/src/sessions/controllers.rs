@@ -1,7 +1,6 @@
 //! Shots -> what to tell the machine for the next one: the ways that are compared.
 
 use fusion::aim::machine::Scatter;
-use fusion::control::actuators::{DRAG, WIND};
 use fusion::control::{Aimed, Control};
 use fusion::world::rebound::HARD_COURT;
 use fusion::{Outcome, Shot};
@@ -192,8 +191,7 @@ impl Controller for ByModel {
     }
 
     fn air(&self) -> Option<Air> {
-        let (mean, covariance) = (self.control.belief().mean(), self.control.belief().covariance());
-        let known = |idx: usize| [mean[idx], covariance[(idx, idx)].sqrt()];
-        Some(Air { drag: known(DRAG), wind_x_m_s: known(WIND), wind_y_m_s: known(WIND + 1) })
+        let [drag, wind_x_m_s, wind_y_m_s] = self.control.air();
+        Some(Air { drag, wind_x_m_s, wind_y_m_s })
     }
 }
