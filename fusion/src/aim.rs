@@ -12,16 +12,17 @@ pub mod machine;
 pub mod nearest;
 mod starts;
 
-pub use machine::Machine;
+pub use machine::{Machine, Scatter};
 pub use nearest::Unreachable;
 
+use crate::landed::{Departure, at_level, longest_flight_s};
 use crate::reference::{Commanded, Reference, Refused, apex_s};
-use crate::world::acceleration::{Aloft, Breeze};
+use crate::world::acceleration::Breeze;
 use crate::world::ball::Physics;
 use crate::world::court;
 use crate::world::rebound::Surface;
 use crate::world::trajectory::{Here, Trajectory};
-use nalgebra::{Matrix3x4, Matrix4, Point3, Vector2, Vector3, Vector4};
+use nalgebra::{Matrix4, Point3, Vector2, Vector4};
 
 /// What else a shot should be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -214,36 +215,13 @@ fn tried(
     machine: &Machine,
     conditions: &Conditions<'_>,
 ) -> Option<Tried> {
-    let (sin, cos) = settings[ELEVATION].sin_cos();
-    let (x, y) = settings[AZIMUTH].sin_cos();
-    let (speed_m_s, backspin_rad_s) = (settings[SPEED], settings[BACKSPIN]);
-    let direction = Vector3::new(cos * x, cos * y, sin);
-    // The level axis to the right of the launch, and how it turns with the azimuth.
-    let (axis, d_axis) = (Vector3::new(y, -x, 0.0), Vector3::new(-x, -y, 0.0));
-    let launch = Aloft {
-        position_m: machine.launcher_in_court_m,
-        velocity_m_s: direction * speed_m_s,
-        spin_rad_s: axis * backspin_rad_s,
-    };
-    let d_velocity = Matrix3x4::from_columns(&[
-        direction,
-        Vector3::new(-sin * x, -sin * y, cos) * speed_m_s,
-        axis * (cos * speed_m_s),
-        Vector3::zeros(),
-    ]);
-    let d_spin = Matrix3x4::from_columns(&[
-        Vector3::zeros(),
-        Vector3::zeros(),
-        d_axis * backspin_rad_s,
-        axis,
-    ]);
-    let by_settings = |here: &Here| {
-        here.d_position.fixed_columns::<3>(3) * d_velocity
-            + here.d_position.fixed_columns::<3>(6) * d_spin
-    };
+    let [speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s] = (*settings).into();
+    let launch = [speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s, 0.0];
+    let departure = Departure::new(machine.launcher_in_court_m, launch);
+    let by_settings = |here: &Here| departure.slope(here).fixed_columns::<4>(0).into_owned();
     let Conditions { breeze, physics, .. } = *conditions;
-    let longest_s = longest_flight_s(speed_m_s * sin, physics);
-    let trajectory = Trajectory::new(&launch, breeze, physics, 0.0, longest_s);
+    let longest_s = longest_flight_s(departure.aloft.velocity_m_s.z, physics);
+    let trajectory = Trajectory::new(&departure.aloft, breeze, physics, 0.0, longest_s);
     let flight_s = trajectory.time_at_level(2, physics.ball.radius_m(), -1.0, 0.0)?;
     let net_s = trajectory.time_at_level(1, court::NET_Y_M, 1.0, 0.0)?;
 
@@ -287,18 +265,6 @@ fn tried(
     };
     let d_clearance = d_net.row(2).transpose();
     Some(Tried { settings: *settings, off, d_off, clearance_m, d_clearance })
-}
-
-/// How a place moves with the settings where one coordinate is held.
-fn at_level(here: &Here, d_position: &Matrix3x4<f64>, axis: usize) -> Matrix3x4<f64> {
-    let d_time = d_position.row(axis) / here.velocity_m_s[axis];
-    d_position - here.velocity_m_s * d_time
-}
-
-/// Without drag it is in the air for less than this; backspin holds it up half as long again.
-fn longest_flight_s(rise_m_s: f64, physics: &Physics) -> f64 {
-    let gravity_m_s2 = -physics.gravity_m_s2.z;
-    1.5 * (2.0 * rise_m_s.max(0.0) / gravity_m_s2 + 0.5)
 }
 
 /// Of the net's edge: it sags from the posts, 0.914 m beside the doubles court, to the middle.

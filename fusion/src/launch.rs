@@ -59,7 +59,7 @@ pub struct Spin {
 #[must_use]
 pub fn from_flight(flight: &Flight, rig: &Rig) -> Option<Launch> {
     let start = match rig.launcher_in_court_m() {
-        Some(launcher) => flight.passing(1, launcher.y, FLY_BACK_MAX_S)?,
+        Some(launcher) => instant(flight, launcher)?,
         None => flight.at(flight.sightings().first()?),
     };
     let covariance = flight.velocity_covariance(&start);
@@ -75,6 +75,12 @@ pub fn from_flight(flight: &Flight, rig: &Rig) -> Option<Launch> {
         direction: Some(direction),
         spin: Some(Spin { backspin_rad_s, sigma_rad_s }),
     })
+}
+
+/// When it passes the launcher's plane; None if it does not come from there.
+#[must_use]
+pub fn instant(flight: &Flight, launcher_in_court_m: Point3<f64>) -> Option<Instant> {
+    flight.passing(1, launcher_in_court_m.y, FLY_BACK_MAX_S)
 }
 
 /// Sigma of the speed, and where a velocity points.

@@ -48,6 +48,7 @@ mod tests {
             track: Vec::new(),
             residual_px: [None, None],
             clock: None,
+            causes: None,
             frames_lost: [None, None],
         };
         let message = from_shot(&shot, 3);

@@ -78,6 +78,12 @@ impl Commanded {
         Ok(Self { speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s })
     }
 
+    /// Speed (m/s), elevation, azimuth (rad), backspin (rad/s).
+    #[must_use]
+    pub fn settings(&self) -> [f64; 4] {
+        [self.speed_m_s, self.elevation_rad, self.azimuth_rad, self.backspin_rad_s]
+    }
+
     /// Over ground.
     #[must_use]
     pub fn velocity_m_s(&self) -> Vector3<f64> {

@@ -4,6 +4,7 @@
 //! sightings, too slow, not down the court, a ball that comes out of the ground when flown back, or
 //! one that never leaves it. Each reason is counted.
 
+use crate::causes::Causes;
 use crate::flight::Flight;
 use crate::flight::model::Instant;
 use crate::launch::{self, Launch};
@@ -144,6 +145,9 @@ pub struct Shot {
     pub residual_px: [Option<f64>; 2],
     /// What it told of the clocks.
     pub clock: Option<ClockOffset>,
+    /// What it says of its launch and the air, jointly; None without both a court and a launcher's
+    /// place.
+    pub causes: Option<Causes>,
     /// Frames of each camera, from the launch to the end of its track, that never came; None for a
     /// camera that is not there.
     pub frames_lost: [Option<u64>; 2],
@@ -267,6 +271,7 @@ pub fn from_flight(flight: &Flight, rig: &Rig) -> Verdict {
         track: track_from(flight),
         residual_px: flight.residual_px(rig),
         clock: (n_cameras == 2).then_some(ClockOffset { right_minus_left_s, sigma_s }),
+        causes: flight.causes(rig),
         frames_lost: [None; 2],
     }))
 }

@@ -233,6 +233,7 @@ mod tests {
             track: Vec::new(),
             residual_px: [None, None],
             clock: None,
+            causes: None,
             frames_lost: [Some(3), None],
         }
     }

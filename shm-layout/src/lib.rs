@@ -2,9 +2,9 @@
 //!
 //! Read in this order: [`stamp`] (which camera, when), [`frame`], [`candidates`], [`link`],
 //! [`taken`], [`shot`], [`correction`] and [`launcher`] — the messages in the order of the chain —
-//! [`text`] and [`commands`], what a board is told to do; then the [`table`] of services and [`services`], the only place where one
-//! is opened, [`stop`], the one way a process of this house ends, [`log`], how it says what it does,
-//! and what the [`machine`] tells of itself.
+//! [`text`] and [`commands`], what a board is told to do; then the [`table`] of services and
+//! [`services`], the only place where one is opened, [`stop`], the one way a process of this house
+//! ends, [`log`], how it says what it does, and what the [`machine`] tells of itself.
 //!
 //! Deliberately absent: anything that looks into a message, and unsafe code.
 #![forbid(unsafe_code)]

@@ -3,6 +3,7 @@
 use super::*;
 use crate::pretend;
 use crate::world::rebound::HARD_COURT;
+use nalgebra::{Point3, Vector3};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 

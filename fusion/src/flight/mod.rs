@@ -13,6 +13,8 @@ pub mod model;
 pub mod noise;
 pub mod unknowns;
 
+use crate::causes::{self, Causes};
+use crate::launch;
 use crate::motion::{later_ns, seconds_between};
 use crate::path::Path;
 use crate::rectified::Sighting;
@@ -136,6 +138,14 @@ impl Flight {
         let covariance = self.fitted.covariance.fixed_view::<3, 3>(SPIN, SPIN).into_owned();
         let variance = right.dot(&(covariance * right));
         [spin, (variance + (LIFT_SCATTER * spin).powi(2)).sqrt()]
+    }
+
+    /// What it says of its launch and the air; None if the rig does not say where the launcher is,
+    /// or the flight does not come from there.
+    #[must_use]
+    pub fn causes(&self, rig: &Rig) -> Option<Causes> {
+        let launch = launch::instant(self, rig.launcher_in_court_m()?)?;
+        causes::from_fitted(&self.fitted, &launch)
     }
 
     /// Right clock less left clock, and 1 sigma, seconds.

@@ -98,7 +98,7 @@ impl Unknowns {
 }
 
 /// 1 sigma of the spin along the flight, about the level axis across, and about the third.
-const SPIN_SIGMA_RAD_S: [f64; 3] = [30.0, 250.0, 120.0];
+pub const SPIN_SIGMA_RAD_S: [f64; 3] = [30.0, 250.0, 120.0];
 
 /// 1 sigma of each horizontal component of the wind.
 pub const WIND_SIGMA_M_S: f64 = 1.5;

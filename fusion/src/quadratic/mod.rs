@@ -104,6 +104,7 @@ pub fn from_points(points: &[Point], rig: &Rig) -> Verdict {
         track,
         residual_px,
         clock: None,
+        causes: None,
         frames_lost: [None; 2],
     }))
 }

@@ -182,6 +182,7 @@ mod tests {
             }],
             residual_px: [None, None],
             clock: None,
+            causes: None,
             frames_lost: [Some(0); 2],
         }
     }

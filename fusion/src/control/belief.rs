@@ -1,0 +1,320 @@
+//! Evidence of ball after ball -> what is known of machine and air.
+//!
+//! A Kalman filter on eleven numbers ([`actuators`]) whose gain follows from covariance: a machine
+//! that scatters half a metre is not chased. Around it stand the things a filter alone gets wrong:
+//!
+//! - **A ball may be odd**: a gust, a dead ball, a net cord, a wrong track. Each is a kind with a
+//!   prior probability and a wider scatter ([`Oddity`]); the update is the mixture of all, so an odd
+//!   ball is believed as far as it may be an ordinary one.
+//! - **Things change at once**: the wind turns, somebody knocks against the machine. With every
+//!   ball the hypotheses "the air changed just now" and "the machine did" come up beside "nothing
+//!   did", and live or die by what follows: Bayesian online change-point detection (Adams & MacKay
+//!   2007) as a Gaussian sum, keyed by when each changed last. A gust dies out, a step wins within
+//!   two or three balls.
+//!
+//! A ball's evidence may be silent in some directions ([`Causes`]); with Σ the covariance expected
+//! of its causes and Λ its information, `M = (Λ + Σ⁻¹)⁻¹` is what is known of the causes
+//! afterwards, and the evidence is worth `−½ ln|I + ΛΣ| − ½ rᵀ(Λ − ΛMΛ)r`. About 80 such steps of
+//! 10 by 10 a ball, 0.5 ms.
+
+use super::actuators::{self, DRAG, Design, Known, KnownMatrix, N_KNOWN};
+use crate::causes::{Cause, CauseColumn, CauseMatrix, Causes};
+
+/// Hypotheses that are kept.
+const N_MAX: usize = 12;
+
+/// A hypothesis that is less likely than this is dropped.
+const WEIGHT_MIN: f64 = 1e-6;
+
+/// How likely the air, or the machine, is to have changed at any ball.
+const AIR_CHANGES: f64 = 0.01;
+const MACHINE_CHANGES: f64 = 0.003;
+
+/// 1 sigma of such a change.
+const AIR_CHANGE: [f64; 3] = [0.03, 2.5, 2.5];
+const MACHINE_CHANGE: [f64; 4] = [0.03, 0.015, 0.015, 15.0];
+
+/// Changes longer ago than this, in balls, are told apart no more.
+const FORGOTTEN: u64 = 25;
+
+/// What kind of ball it was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Oddity {
+    /// As usual.
+    None,
+    /// A gust, or a ball with another felt than the others.
+    Air,
+    /// It left otherwise than others: dead, wet, caught by a wheel.
+    Launch,
+    /// Neither: a net cord, a wrong track.
+    All,
+}
+
+/// How likely a kind is, and 1 sigma that it adds: speed, elevation and azimuth, spin, drag, wind,
+/// release.
+const KINDS: [(Oddity, f64, [f64; 6]); 4] = [
+    (Oddity::None, 0.93, [0.0; 6]),
+    (Oddity::Air, 0.04, [0.0, 0.0, 0.0, 0.05, 2.0, 0.0]),
+    (Oddity::Launch, 0.02, [2.5, 0.03, 80.0, 0.0, 0.0, 0.0]),
+    (Oddity::All, 0.01, [4.0, 0.1, 150.0, 0.2, 5.0, 0.3]),
+];
+
+/// What one ball was found to be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Learned {
+    /// Its causes, by all that is known, and their covariance.
+    pub causes: CauseColumn,
+    /// See `causes`.
+    pub covariance: CauseMatrix,
+    /// What it most likely was.
+    pub oddity: Oddity,
+    /// How likely it was an ordinary ball.
+    pub ordinary: f64,
+    /// How likely the air is to have changed with it.
+    pub air_changed: f64,
+    /// And the machine.
+    pub machine_changed: f64,
+    /// Mean square of each launch cause's scatter, if it was an ordinary ball.
+    pub scatter_squares: [f64; 4],
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Hypothesis {
+    weight: f64,
+    mean: Known,
+    covariance: KnownMatrix,
+    /// At which ball the air changed last, and the machine.
+    changed: [u64; 2],
+}
+
+/// What is known of machine and air.
+#[derive(Debug, Clone)]
+pub struct Belief {
+    hypotheses: Vec<Hypothesis>,
+    n_balls: u64,
+}
+
+impl Default for Belief {
+    fn default() -> Self {
+        let (mean, covariance) = actuators::prior();
+        let first = Hypothesis { weight: 1.0, mean, covariance, changed: [0; 2] };
+        Self { hypotheses: vec![first], n_balls: 0 }
+    }
+}
+
+impl Belief {
+    /// The mean over all hypotheses.
+    #[must_use]
+    pub fn mean(&self) -> Known {
+        self.hypotheses.iter().map(|h| h.mean * h.weight).sum()
+    }
+
+    /// The covariance over all hypotheses.
+    #[must_use]
+    pub fn covariance(&self) -> KnownMatrix {
+        let mean = self.mean();
+        let of = |h: &Hypothesis| (h.covariance + square(&(h.mean - mean))) * h.weight;
+        self.hypotheses.iter().map(of).sum()
+    }
+
+    /// Balls it has learned from.
+    #[must_use]
+    pub fn n_balls(&self) -> u64 {
+        self.n_balls
+    }
+
+    /// Wind and drag are known less after a pause.
+    pub fn paused(&mut self, pause_s: f64) {
+        for hypothesis in &mut self.hypotheses {
+            actuators::forget(pause_s, &mut hypothesis.mean, &mut hypothesis.covariance);
+        }
+    }
+
+    /// Takes a ball in: what it says, what was told (`told + design · known` is expected), and how
+    /// it scatters. None if the numbers are such that nothing can be said; then nothing changes.
+    pub fn update(
+        &mut self,
+        evidence: &Causes,
+        told: &CauseColumn,
+        design: &Design,
+        scatter: &CauseMatrix,
+    ) -> Option<Learned> {
+        let ball = Ball { evidence, told, design, scatter };
+        let now = self.n_balls + 1;
+        let mut children: Vec<Child> = Vec::with_capacity(self.hypotheses.len() * 6);
+        for hypothesis in &self.hypotheses {
+            let mut drifted = *hypothesis;
+            drifted.covariance += actuators::drift();
+            for change in [None, Some((0, AIR_CHANGES)), Some((1, MACHINE_CHANGES))] {
+                let mut parent = drifted;
+                if let Some((what, rate)) = change {
+                    parent.weight *= rate;
+                    parent.changed[what] = now;
+                    parent.widen(what);
+                }
+                // A change and an odd ball at once would be found with the next ball as well.
+                let n_kinds = if change.is_none() { KINDS.len() } else { 1 };
+                for kind in &KINDS[..n_kinds] {
+                    children.push(ball.seen_by(&parent, kind)?);
+                }
+            }
+        }
+        let most = children.iter().map(|c| c.log_weight).fold(f64::MIN, f64::max);
+        let mut sum = 0.0;
+        for child in &mut children {
+            child.hypothesis.weight = (child.log_weight - most).exp();
+            sum += child.hypothesis.weight;
+        }
+        if !(sum.is_finite() && sum > 0.0) {
+            return None;
+        }
+        children.iter_mut().for_each(|child| child.hypothesis.weight /= sum);
+        let learned = learned_from(&children, now, &ball)?;
+        self.n_balls = now;
+        self.hypotheses = merged(&children, now);
+        Some(learned)
+    }
+}
+
+impl Hypothesis {
+    /// Makes room for a change of the air (0) or the machine (1).
+    fn widen(&mut self, what: usize) {
+        let mut add = |i: usize, sigma: f64| self.covariance[(i, i)] += sigma * sigma;
+        if what == 0 {
+            AIR_CHANGE.into_iter().enumerate().for_each(|(i, sigma)| add(DRAG + i, sigma));
+        } else {
+            MACHINE_CHANGE.into_iter().enumerate().for_each(|(i, sigma)| add(2 * i, sigma));
+        }
+    }
+}
+
+/// A hypothesis and a kind of ball, after that ball.
+struct Child {
+    hypothesis: Hypothesis,
+    log_weight: f64,
+    oddity: Oddity,
+    causes: CauseColumn,
+    covariance: CauseMatrix,
+    /// Of the causes expected, and its inverse times what they were off.
+    expected: CauseMatrix,
+    expected_inverse: CauseMatrix,
+    off: CauseColumn,
+}
+
+struct Ball<'a> {
+    evidence: &'a Causes,
+    told: &'a CauseColumn,
+    design: &'a Design,
+    scatter: &'a CauseMatrix,
+}
+
+impl Ball<'_> {
+    fn seen_by(&self, parent: &Hypothesis, kind: &(Oddity, f64, [f64; 6])) -> Option<Child> {
+        let Self { evidence: Causes { likely, information }, told, design, scatter } = *self;
+        let (oddity, probability, added) = *kind;
+        let before = told + design * parent.mean;
+        let through = parent.covariance * design.transpose();
+        let mut expected = design * through + scatter;
+        add_oddity(&mut expected, &added);
+        let roots = expected.cholesky()?;
+        let expected_inverse = roots.inverse();
+        let after = (information + expected_inverse).cholesky()?;
+        let covariance = after.inverse();
+        let off = likely - before;
+        let pull = information * off;
+        let moved = covariance * pull;
+        let distance = off.dot(&pull) - pull.dot(&moved);
+        let log_volume = log_determinant(&roots) + log_determinant(&after);
+        let gain = through * expected_inverse;
+        let mut hypothesis = *parent;
+        hypothesis.mean += gain * moved;
+        hypothesis.covariance -= gain * (expected - covariance) * gain.transpose();
+        hypothesis.covariance = (hypothesis.covariance + hypothesis.covariance.transpose()) * 0.5;
+        let log_weight =
+            (parent.weight * probability).ln() - 0.5 * (distance.max(0.0) + log_volume);
+        Some(Child {
+            hypothesis,
+            log_weight,
+            oddity,
+            causes: before + moved,
+            covariance,
+            expected,
+            expected_inverse,
+            off: moved,
+        })
+    }
+}
+
+fn add_oddity(covariance: &mut CauseMatrix, [speed, angle, spin, drag, wind, release]: &[f64; 6]) {
+    let sigmas = [speed, angle, angle, spin, spin, drag, wind, wind, release, release];
+    for (cause, sigma) in Cause::ALL.into_iter().zip(sigmas) {
+        covariance[(cause.idx(), cause.idx())] += sigma * sigma;
+    }
+}
+
+fn log_determinant(
+    roots: &nalgebra::Cholesky<f64, nalgebra::Const<{ crate::causes::N_CAUSES }>>,
+) -> f64 {
+    2.0 * roots.l_dirty().diagonal().iter().map(|root| root.ln()).sum::<f64>()
+}
+
+fn square(off: &Known) -> KnownMatrix {
+    off * off.transpose()
+}
+
+fn learned_from(children: &[Child], now: u64, ball: &Ball<'_>) -> Option<Learned> {
+    let weight_of = |is_one: &dyn Fn(&Child) -> bool| -> f64 {
+        children.iter().filter(|child| is_one(child)).map(|child| child.hypothesis.weight).sum()
+    };
+    let best =
+        children.iter().max_by(|a, b| a.hypothesis.weight.total_cmp(&b.hypothesis.weight))?;
+    let usual = children.iter().filter(|child| child.oddity == Oddity::None);
+    let usual = usual.max_by(|a, b| a.hypothesis.weight.total_cmp(&b.hypothesis.weight))?;
+    // What of the ball's own scatter is known: R Σ⁻¹ of what it was off, and what is left open.
+    let share = ball.scatter * usual.expected_inverse;
+    let own = share * usual.off;
+    let open = ball.scatter - share * (usual.expected - usual.covariance) * share.transpose();
+    Some(Learned {
+        causes: best.causes,
+        covariance: best.covariance,
+        oddity: best.oddity,
+        ordinary: weight_of(&|child| child.oddity == Oddity::None),
+        air_changed: weight_of(&|child| child.hypothesis.changed[0] == now),
+        machine_changed: weight_of(&|child| child.hypothesis.changed[1] == now),
+        scatter_squares: std::array::from_fn(|i| own[i] * own[i] + open[(i, i)].max(0.0)),
+    })
+}
+
+/// Children that say the same of changes become one with their mean and covariance; the likeliest
+/// are kept.
+fn merged(children: &[Child], now: u64) -> Vec<Hypothesis> {
+    let mut merged: Vec<Hypothesis> = Vec::with_capacity(N_MAX);
+    let mut keys: Vec<[u64; 2]> = Vec::new();
+    let key_of = |child: &Child| {
+        child.hypothesis.changed.map(|at| if now - at > FORGOTTEN { 0 } else { at })
+    };
+    for child in children {
+        let key = key_of(child);
+        if !keys.contains(&key) {
+            keys.push(key);
+        }
+    }
+    for key in keys {
+        let same = || children.iter().filter(|child| key_of(child) == key).map(|c| &c.hypothesis);
+        let weight: f64 = same().map(|h| h.weight).sum();
+        if weight < WEIGHT_MIN {
+            continue;
+        }
+        let mean: Known = same().map(|h| h.mean * (h.weight / weight)).sum();
+        let of = |h: &Hypothesis| (h.covariance + square(&(h.mean - mean))) * (h.weight / weight);
+        let covariance = same().map(of).sum();
+        merged.push(Hypothesis { weight, mean, covariance, changed: key });
+    }
+    merged.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+    merged.truncate(N_MAX);
+    let sum: f64 = merged.iter().map(|h| h.weight).sum();
+    merged.iter_mut().for_each(|h| h.weight /= sum);
+    merged
+}
+
+const _: () = assert!(DRAG + AIR_CHANGE.len() == N_KNOWN, "drag and wind come last");
