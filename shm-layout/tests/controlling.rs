@@ -3,6 +3,8 @@
 //!
 //! Python with iceoryx2 of PyPI stands in the target folder's `python` (scripts/setup test).
 
+#![allow(clippy::unwrap_used)] // all of it is test code; the lint only knows #[test] functions
+
 use rustix::process::{Pid, Signal, kill_process};
 use shm_layout::correction::{Correction, Reason};
 use shm_layout::launcher::{

@@ -1,6 +1,8 @@
 //! The messages for other languages: `bindings/tennis_messages.h` and `.py` say what the Rust
 //! compiler says, byte for byte, and C and Python read them so.
 
+#![allow(clippy::unwrap_used)] // all of it is test code; the lint only knows #[test] functions
+
 mod layout;
 mod text_c;
 mod text_python;
