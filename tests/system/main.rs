@@ -20,6 +20,7 @@ mod run; // starting `track` and reading what it wrote
 mod same_bits; // the candidates do not depend on the number of workers
 mod scenes; // how well balls are found, scene by scene
 mod sizes; // capture begins anew with frames of another size
+mod steering; // a drill, commanded by fusion and a controller in Python
 mod sweep; // how well shots are measured, cell by cell
 mod tidy; // the house rules
 mod usb_camera; // V4L2, answered by a library

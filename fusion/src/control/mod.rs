@@ -179,6 +179,12 @@ impl Control {
         self.distrust = why;
     }
 
+    /// Why nothing is learned, if so.
+    #[must_use]
+    pub fn distrusted(&self) -> Option<&'static str> {
+        self.distrust
+    }
+
     /// No ball was fired for a while: wind and drag may be others now.
     pub fn paused(&mut self, pause_s: f64) {
         self.belief.paused(pause_s);
@@ -190,13 +196,16 @@ impl Control {
     /// # Errors
     /// [`OutOfReach`] with the nearest shot.
     pub fn aimed(&mut self, wanted: &Wanted) -> Result<Aimed, Box<OutOfReach>> {
-        let aimed = self.aimed_now(wanted)?;
-        self.remember(wanted, &aimed);
+        let aimed = self.preview(wanted)?;
+        self.told(&aimed);
         Ok(aimed)
     }
 
     /// The same, and it is not taken for told.
-    fn aimed_now(&self, wanted: &Wanted) -> Result<Aimed, Box<OutOfReach>> {
+    ///
+    /// # Errors
+    /// As [`Control::aimed`].
+    pub fn preview(&self, wanted: &Wanted) -> Result<Aimed, Box<OutOfReach>> {
         let known = self.belief.mean();
         // Limits are those of settings; what a launch may be follows from them.
         let reach = self.machine.with_ranges(self.reach(&known));
@@ -247,7 +256,17 @@ impl Control {
                 settings[i] = settings[i].clamp(last[i] - most, last[i] + most);
             }
         }
-        let settings = self.machine.clamped(&settings);
+        self.expecting(wanted, self.machine.clamped(&settings), known)
+    }
+
+    /// What should come of settings that somebody else chose for a wanted shot; None if no ball
+    /// comes down.
+    #[must_use]
+    pub fn expected(&self, wanted: &Wanted, settings: [f64; 4]) -> Option<Aimed> {
+        self.expecting(wanted, Vector4::from(settings), &self.belief.mean())
+    }
+
+    fn expecting(&self, wanted: &Wanted, settings: Vector4<f64>, known: &Known) -> Option<Aimed> {
         let [speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s] = settings.into();
         let commanded =
             Commanded::new(speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s).ok()?;
@@ -275,7 +294,9 @@ impl Control {
         told.map(|(_, settings)| *settings)
     }
 
-    fn remember(&mut self, wanted: &Wanted, aimed: &Aimed) {
+    /// The machine was told this: for the same shot it is not told anything far from it next.
+    pub fn told(&mut self, aimed: &Aimed) {
+        let wanted = &aimed.wanted;
         self.told.retain(|(other, _)| other != wanted);
         if self.told.len() == N_REMEMBERED {
             self.told.pop_front();
@@ -302,7 +323,7 @@ impl Control {
         } else if let (true, Some(causes)) = (is_whole, &shot.causes) {
             self.learn(aimed, causes, miss_m, &mut correction);
         }
-        if let Ok(again) = self.aimed_now(&aimed.wanted) {
+        if let Ok(again) = self.preview(&aimed.wanted) {
             let (now, then) = (again.commanded.settings(), aimed.commanded.settings());
             correction.change = Some(std::array::from_fn(|i| now[i] - then[i]));
             correction.again = Some(again);
