@@ -1,4 +1,4 @@
-//! The only place where a service of the [`table`](crate::table) is opened.
+//! The only place where a service of the [`table`] is opened.
 //!
 //! A *domain* is one place of one court: a board (`left`, `right`) or the computer beside the
 //! machine (`fusion`). Every file of a domain in shared memory begins with its name, so courts,
