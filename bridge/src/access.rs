@@ -10,7 +10,11 @@
 //! court/<c>/<cam>/**                  spoken by <c>/<cam>, heard by <c>/fusion
 //! court/<c>/<cam>/ping                spoken by <c>/fusion, heard by <c>/<cam>
 //! court/<c>/fusion/**                 spoken by <c>/fusion, heard by <c>/<cam>
-//! court/<c>/{shot,correction}         spoken by <c>/fusion, heard by <c>/dashboard, */dashboard
+//! court/<c>/{shot,correction}         spoken by <c>/fusion, heard by <c>/dashboard, */dashboard,
+//!                                     <c>/controller
+//! court/<c>/wanted                    spoken by <c>/controller, heard by <c>/fusion
+//! court/<c>/launcher/**               spoken and heard by <c>/controller, <c>/fusion; heard by
+//!                                     dashboards
 //! court/<c>/<cam>/health              as well heard by those
 //! ```
 //!
@@ -112,6 +116,13 @@ fn peers(options: &Options) -> Vec<Peer> {
             is_looked_at: Vec::new(),
         }],
         Role::Fusion | Role::Commander => fusions_peers(court),
+        Role::Controller => vec![Peer {
+            names: vec![format!("{court}/fusion")],
+            speaks: to_controller(court),
+            hears: of_controller(court),
+            looks: Vec::new(),
+            is_looked_at: Vec::new(),
+        }],
         Role::Dashboard => {
             let courts = std::iter::once(court).chain(options.courts.iter().map(String::as_str));
             let mut names: Vec<String> = courts.map(|court| format!("{court}/fusion")).collect();
@@ -149,6 +160,13 @@ fn fusions_peers(court: &str) -> Vec<Peer> {
         names: vec![format!("{court}/fusion")],
         speaks: all(),
         hears: all(),
+        looks: Vec::new(),
+        is_looked_at: Vec::new(),
+    });
+    peers.push(Peer {
+        names: vec![format!("{court}/controller")],
+        speaks: of_controller(court),
+        hears: to_controller(court),
         looks: Vec::new(),
         is_looked_at: Vec::new(),
     });
@@ -204,10 +222,24 @@ fn to_board(court: &str, camera: Camera) -> Vec<String> {
 fn by_fusion(court: &str) -> Vec<String> {
     let mut keys: Vec<String> =
         Camera::BOTH.map(|camera| format!("court/{court}/{camera}/ping")).into();
-    keys.extend(["fusion/**", "shot", "correction"].map(|key| format!("court/{court}/{key}")));
+    keys.extend(
+        ["fusion/**", "shot", "correction", "launcher/**"]
+            .map(|key| format!("court/{court}/{key}")),
+    );
     keys
 }
 
+/// Commands and answers go both ways: the launcher or who commands it may be there.
+fn of_controller(court: &str) -> Vec<String> {
+    ["wanted", "launcher/**"].map(|key| format!("court/{court}/{key}")).into()
+}
+
+fn to_controller(court: &str) -> Vec<String> {
+    ["shot", "correction", "launcher/**"].map(|key| format!("court/{court}/{key}")).into()
+}
+
 fn to_dashboard(court: &str) -> Vec<String> {
-    ["shot", "correction", "*/health"].map(|key| format!("court/{court}/{key}")).into()
+    ["shot", "correction", "launcher/**", "*/health"]
+        .map(|key| format!("court/{court}/{key}"))
+        .into()
 }

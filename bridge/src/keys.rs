@@ -9,7 +9,9 @@
 //! court/<name>/command/<left|right>        query of a commander, which that bridge passes on
 //! court/<name>/<left|right>/health         how the board is
 //! court/<name>/<left|right|fusion>/alive/v<VERSION>   token of who is there, and what it speaks
-//! court/<name>/shot                        a shot as JSON
+//! court/<name>/shot, correction            a shot, a correction as JSON
+//! court/<name>/wanted                      of a controller elsewhere: what the next ball should be
+//! court/<name>/launcher/command, answer    what the launcher is told, and says
 //! ```
 
 use crate::wire::VERSION;
@@ -32,6 +34,14 @@ pub fn of_board(court: &str, camera: Camera, what: &str) -> Result<OwnedKeyExpr,
 /// When `court` cannot be part of a key.
 pub fn command(court: &str, camera: Camera) -> Result<OwnedKeyExpr, Error> {
     key_from(format!("court/{court}/command/{camera}"))
+}
+
+/// A key of the court as a whole: `what` is its last part, or parts.
+///
+/// # Errors
+/// When `court` cannot be part of a key.
+pub fn of_court(court: &str, what: &str) -> Result<OwnedKeyExpr, Error> {
+    key_from(format!("court/{court}/{what}"))
 }
 
 /// The key of a court's shots; `*` is every court.

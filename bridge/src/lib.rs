@@ -5,7 +5,8 @@
 //! may speak under which), [`presence`] whether the other end is there. On a board [`ring`] is the
 //! last ten seconds, [`run`] numbers the bridge's runs, and [`outbound`] is all of it (shared
 //! memory → network). Beside fusion [`gaps`] brings batches into order, [`clock`] knows the board's
-//! time, and [`inbound`] is all of it (network → shared memory). [`command`] is what boards are
+//! time, and [`inbound`] is all of it (network → shared memory); [`launcher`] is what a ball
+//! machine and who commands it say. [`command`] is what boards are
 //! told to do, and how they are; [`recording`] keeps what stood in shared memory in a file, and
 //! plays it again.
 //!
@@ -25,6 +26,7 @@ pub mod follow;
 pub mod gaps;
 pub mod inbound;
 pub mod keys;
+pub mod launcher;
 pub mod once;
 pub mod one_thread;
 pub mod outbound;

@@ -48,7 +48,9 @@ pub enum Role {
     Fusion,
     /// On fusion's computer, for one command: connects to fusion with fusion's keys.
     Commander,
-    /// May hear shots and nothing else.
+    /// Of a controller or a launcher on another computer: connects to fusion.
+    Controller,
+    /// May hear shots, corrections and what the launcher says, and nothing else.
     Dashboard,
     /// Joins many courts.
     Router,
@@ -61,6 +63,7 @@ impl Role {
         match self {
             Self::Board(camera) => camera.name(),
             Self::Fusion | Self::Commander => "fusion",
+            Self::Controller => "controller",
             Self::Dashboard => "dashboard",
             Self::Router => "router",
         }
@@ -188,7 +191,7 @@ impl<'a> Plan<'a> {
         let mode = match self.options.role {
             Role::Router => "router",
             // Peers pass messages on to and from clients, but not between peers.
-            Role::Commander => "client",
+            Role::Commander | Role::Controller => "client",
             _ => "peer",
         };
         // A client's session opens when it is connected: who commands is told when it is not.
@@ -236,7 +239,7 @@ impl<'a> Plan<'a> {
             Role::Board(_) => "boards",
             Role::Fusion => "fusions",
             Role::Dashboard => "dashboards",
-            Role::Commander => return None,
+            Role::Commander | Role::Controller => return None,
             Role::Router => {
                 let regions = ["boards", "fusions", "dashboards"];
                 let mut south: Vec<Value> = regions

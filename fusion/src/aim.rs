@@ -9,6 +9,7 @@
 //! Court frame; the physics must be those of a rig that knows the court.
 
 pub mod machine;
+pub mod machine_toml;
 pub mod nearest;
 mod starts;
 

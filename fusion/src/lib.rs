@@ -29,8 +29,10 @@ mod canvas;
 pub mod causes;
 pub mod clock;
 pub mod control;
+pub mod corrections;
 pub mod counts;
 pub mod decided;
+pub mod drill;
 mod error;
 pub mod explain;
 pub mod flight;
@@ -45,6 +47,7 @@ pub mod merged;
 pub mod message;
 pub mod motion;
 pub mod path;
+pub mod placed;
 pub mod points;
 #[cfg(test)]
 mod pretend;

@@ -134,6 +134,12 @@ impl<T: Message> MessageWriter<T> {
         self.notifier.notify().map_err(|e| refused("wake the readers")(&e))?;
         Ok(n_reached)
     }
+
+    /// Whether it was this writer that sent it: who passes on what others wrote leaves its own out.
+    #[must_use]
+    pub fn has_sent(&self, sample: &Sample<T>) -> bool {
+        sample.header().publisher_id() == self.publisher.id()
+    }
 }
 
 impl<T: Message> MessageReader<T> {

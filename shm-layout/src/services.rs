@@ -1,4 +1,4 @@
-//! The only place where a service of the [`table`](crate::table) is opened.
+//! The only place where a service of the [`table`] is opened.
 //!
 //! A *domain* is one place of one court: a board (`left`, `right`) or the computer beside the
 //! machine (`fusion`). Every file of a domain in shared memory begins with its name, so courts,
@@ -7,10 +7,13 @@
 use crate::commands::CommandService;
 use crate::ports::{FrameService, MessageService};
 use crate::table::{
-    CANDIDATES, COMMANDS, FRAMES, FRAMES_INFO, LINKS, Row, SHOTS, SHOTS_JSON, TAKEN,
+    self, CANDIDATES, COMMANDS, FRAMES, FRAMES_INFO, LINKS, Row, SHOTS, SHOTS_JSON, TAKEN,
 };
 use crate::text::TextService;
-use crate::{Camera, FrameInfo, Link, MAX_SIDE_PX, Shot, StripCandidates, Taken};
+use crate::{
+    Camera, Correction, FrameInfo, LauncherAnswer, LauncherCommand, Link, MAX_SIDE_PX, Shot,
+    StripCandidates, Taken, Wanted,
+};
 use iceoryx2::node::NodeView as _;
 use iceoryx2::prelude::{
     CallbackProgression, Config, FileName, LogLevel, Node, NodeBuilder, NodeName, NodeState, Path,
@@ -19,7 +22,7 @@ use iceoryx2::prelude::{
 use std::fmt;
 
 /// Most processes in one domain.
-pub(crate) const MAX_NODES: usize = 24;
+pub const MAX_NODES: usize = 24;
 
 /// Why a domain, service or port could not be had.
 #[derive(Debug, thiserror::Error)]
@@ -281,6 +284,54 @@ impl Member {
     /// When the service cannot be opened.
     pub fn links(&self) -> Result<MessageService<Link>, Error> {
         MessageService::open(&self.node, &name_of(LINKS)?, LINKS)
+    }
+
+    /// What the next ball should be.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn wanted(&self) -> Result<MessageService<Wanted>, Error> {
+        MessageService::open(&self.node, &name_of(table::WANTED)?, table::WANTED)
+    }
+
+    /// What fusion would tell the machine.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn corrections(&self) -> Result<MessageService<Correction>, Error> {
+        MessageService::open(&self.node, &name_of(table::CORRECTIONS)?, table::CORRECTIONS)
+    }
+
+    /// The same as JSON.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn corrections_json(&self) -> Result<TextService, Error> {
+        TextService::open(&self.node, &name_of(table::CORRECTIONS_JSON)?, table::CORRECTIONS_JSON)
+    }
+
+    /// What the launcher is told.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn launcher_commands(&self) -> Result<MessageService<LauncherCommand>, Error> {
+        MessageService::open(
+            &self.node,
+            &name_of(table::LAUNCHER_COMMANDS)?,
+            table::LAUNCHER_COMMANDS,
+        )
+    }
+
+    /// What the launcher answers.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn launcher_answers(&self) -> Result<MessageService<LauncherAnswer>, Error> {
+        MessageService::open(
+            &self.node,
+            &name_of(table::LAUNCHER_ANSWERS)?,
+            table::LAUNCHER_ANSWERS,
+        )
     }
 }
 

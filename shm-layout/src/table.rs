@@ -2,7 +2,10 @@
 
 use crate::commands::{self, Command};
 use crate::text::MAX_TEXT_BYTES;
-use crate::{FrameInfo, Link, MAX_STRIPS, Shot, StripCandidates, Taken};
+use crate::{
+    Correction, FrameInfo, LauncherAnswer, LauncherCommand, Link, MAX_STRIPS, Shot,
+    StripCandidates, Taken, Wanted,
+};
 
 /// One line of the table.
 #[derive(Debug, Clone, Copy)]
@@ -127,6 +130,83 @@ pub const TAKEN: Row = Row {
     held: 1,
 };
 
-/// All services. `frames` and `commands` are on boards only; `taken` and shots beside fusion only.
-pub const TABLE: [Row; 8] =
-    [FRAMES, FRAMES_INFO, CANDIDATES, COMMANDS, LINKS, TAKEN, SHOTS, SHOTS_JSON];
+/// What the next ball should be, of a page, a controller or (for the network) a bridge; fusion and
+/// a page read it.
+pub const WANTED: Row = Row {
+    name: "wanted",
+    message: "Wanted",
+    bytes: size_of::<Wanted>(),
+    rate_hz: 1,
+    writers: 4,
+    readers: 4,
+    depth: 16,
+    held: 1,
+};
+
+/// What fusion would tell the machine for the next ball, for the controller, the page, the recorder.
+pub const CORRECTIONS: Row = Row {
+    name: "corrections",
+    message: "Correction",
+    bytes: size_of::<Correction>(),
+    rate_hz: 2,
+    writers: 1,
+    readers: 8,
+    depth: 64,
+    held: 1,
+};
+
+/// The same as "correction/1" JSON with a sentence, one a text: for the network and the recorder.
+pub const CORRECTIONS_JSON: Row = Row {
+    name: "corrections-json",
+    message: "text",
+    bytes: MAX_TEXT_BYTES,
+    rate_hz: 2,
+    writers: 1,
+    readers: 4,
+    depth: 16,
+    held: 1,
+};
+
+/// What the launcher is told, by a controller, a page or (for the network) a bridge. Readers: the
+/// launcher, fusion, the bridge, the page, a recorder.
+pub const LAUNCHER_COMMANDS: Row = Row {
+    name: "launcher-commands",
+    message: "LauncherCommand",
+    bytes: size_of::<LauncherCommand>(),
+    rate_hz: 1,
+    writers: 4,
+    readers: 8,
+    depth: 16,
+    held: 1,
+};
+
+/// What the launcher answers, itself or (from the network) by the bridge. Readers: the controller,
+/// fusion, the bridge, the page, a recorder.
+pub const LAUNCHER_ANSWERS: Row = Row {
+    name: "launcher-answers",
+    message: "LauncherAnswer",
+    bytes: size_of::<LauncherAnswer>(),
+    rate_hz: 3,
+    writers: 2,
+    readers: 8,
+    depth: 64,
+    held: 1,
+};
+
+/// All services. `frames` and `commands` are on boards only; `taken`, shots and what is between
+/// them and the launcher beside fusion only.
+pub const TABLE: [Row; 13] = [
+    FRAMES,
+    FRAMES_INFO,
+    CANDIDATES,
+    COMMANDS,
+    LINKS,
+    TAKEN,
+    SHOTS,
+    SHOTS_JSON,
+    WANTED,
+    CORRECTIONS,
+    CORRECTIONS_JSON,
+    LAUNCHER_COMMANDS,
+    LAUNCHER_ANSWERS,
+];

@@ -7,6 +7,7 @@
 mod board;
 
 use crate::keys;
+use crate::launcher::{Exchange, Passed};
 use crate::presence::{self, Presence};
 use crate::session::real_time_publisher;
 use crate::wire::Stream;
@@ -60,6 +61,8 @@ pub struct Received {
     pub n_overflowed: u64,
     /// Shots passed on.
     pub n_shots: u64,
+    /// Corrections, and what concerns the launcher.
+    pub launcher: Passed,
 }
 
 enum News {
@@ -122,12 +125,14 @@ pub fn run(session: &Session, court: &str, stop: &Stop) -> Result<Received, Erro
         .wait()
         .map_err(network("publish shots"))?;
     let _token = presence::announce(session, court, Place::Fusion)?;
-    let mut inbound = Inbound { sides, inbox, memory, shots, n_shots: 0 };
+    let exchange = Exchange::open(session, court, &member)?;
+    let mut inbound = Inbound { sides, inbox, memory, shots, n_shots: 0, exchange };
     inbound.run(&news, stop)?;
+    let launcher = inbound.exchange.passed();
     let links =
         inbound.sides.map(|side| side.board.link(side.board.is_heard_now(now_ns()), now_ns()));
     let n_overflowed = n_overflowed.load(Ordering::Relaxed);
-    Ok(Received { links, n_overflowed, n_shots: inbound.n_shots })
+    Ok(Received { links, n_overflowed, n_shots: inbound.n_shots, launcher })
 }
 
 struct Inbound<'a> {
@@ -136,6 +141,7 @@ struct Inbound<'a> {
     memory: Memory,
     shots: Publisher<'a>,
     n_shots: u64,
+    exchange: Exchange<'a>,
 }
 
 impl Inbound<'_> {
@@ -164,6 +170,7 @@ impl Inbound<'_> {
                 self.n_shots += 1;
                 self.shots.put(shot).wait().map_err(network("send a shot"))?;
             }
+            self.exchange.pass()?;
         }
         Ok(())
     }

@@ -99,7 +99,7 @@ impl Bundle {
 }
 
 fn role_from_name(name: &str) -> Option<Role> {
-    let roles = [Role::Fusion, Role::Dashboard, Role::Router];
+    let roles = [Role::Fusion, Role::Controller, Role::Dashboard, Role::Router];
     let boards = Camera::BOTH.map(Role::Board);
     roles.into_iter().chain(boards).find(|role| role.name() == name)
 }

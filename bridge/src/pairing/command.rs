@@ -28,6 +28,15 @@ pub enum Pair {
         #[command(flatten)]
         place: Issuing,
     },
+    /// Beside fusion: makes the keys of a computer with the launcher, or with who commands it, as
+    /// one file to carry there.
+    Controller {
+        /// Name of the court.
+        court: String,
+        /// Whose authority signs.
+        #[command(flatten)]
+        place: Issuing,
+    },
     /// Beside fusion: makes the keys of a computer that may hear shots, as one file to carry there.
     Dashboard {
         /// Name of the court; with --all-courts of the club.
@@ -87,6 +96,7 @@ impl Pair {
             Self::Board { court, camera, place } => {
                 place.carried(court, Role::Board(*camera), court)
             }
+            Self::Controller { court, place } => place.carried(court, Role::Controller, court),
             Self::Dashboard { court, all_courts, place } => {
                 place.carried(court, Role::Dashboard, if *all_courts { "*" } else { court })
             }

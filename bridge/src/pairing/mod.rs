@@ -2,7 +2,7 @@
 //!
 //! Every court has a certificate authority, a key beside fusion that never leaves it. It signs a
 //! certificate for each machine, whose common name says who that is: `<court>/left`,
-//! `<court>/right`, `<court>/fusion`, `<court>/dashboard`. A club's authority signs for many
+//! `<court>/right`, `<court>/fusion`, `<court>/controller`, `<court>/dashboard`. A club's authority signs for many
 //! courts, and `*/router`, `*/dashboard` for the club.
 //!
 //! ```text
@@ -165,6 +165,10 @@ pub fn hint(court: &str, role: Role) -> String {
              take {court}-{camera}.pair"
         ),
         Role::Fusion | Role::Commander => format!("make them: scripts/pair court {court}"),
+        Role::Controller => format!(
+            "make them beside fusion: scripts/pair controller {court}; then here: scripts/pair \
+             take {court}-controller.pair"
+        ),
         Role::Dashboard => format!(
             "make them beside fusion: scripts/pair dashboard {court}; then here: scripts/pair take \
              {court}-dashboard.pair"

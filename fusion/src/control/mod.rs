@@ -4,22 +4,21 @@
 //! wanted → [`Aimed`] (told to the machine) → shot → [`attributed`] (why it missed) → [`belief`]
 //! (what is known of machine and air) → [`Correction`], and the next one is aimed by it.
 //!
-//! Run-to-run control by a model: nothing is integrated and no gain is tuned. A shot tells its
-//! launch and the air it flew in ([`Causes`](crate::causes::Causes)), the belief takes that in as
-//! far as the machine's scatter allows, and the next command is the inverse of the flight with what
-//! is believed. A limit that is reached winds nothing up, for the belief is of the machine, not of
-//! the commands. What one target teaches holds for all.
+//! Run-to-run control by a model: nothing is integrated, no gain is tuned. A shot tells its launch
+//! and the air it flew in ([`Causes`]), the belief takes that in as far as the machine's scatter
+//! allows, and the next command is the inverse of the flight with what is believed. A limit winds
+//! nothing up, for the belief is of the machine; what one target teaches holds for all.
 //!
-//! Court frame, SI. No IO and no clock: whoever owns the launcher says what was fired and when
-//! balls paused.
+//! Court frame, SI. No IO, no clock: who owns the launcher says what was fired and when it paused.
 
 pub mod actuators;
 pub mod attributed;
 pub mod belief;
+pub mod repeatability;
 pub mod words;
 
 use crate::aim::{self, Conditions, Machine, Scatter, Solution, Unreachable, Wanted};
-use crate::causes::{Cause, CauseColumn};
+use crate::causes::{CauseColumn, Causes};
 use crate::landed::landed;
 use crate::reference::{Commanded, Reference};
 use crate::shot::{Outcome, Shot};
@@ -30,18 +29,12 @@ use actuators::{DRAG, Known, WIND};
 use attributed::Part;
 use belief::{Belief, Oddity};
 use nalgebra::{Matrix2, Vector2, Vector4};
+use repeatability::Repeatability;
 use std::collections::VecDeque;
 use std::fmt;
 
 /// Wanted shots whose last settings are remembered, for the most they may change.
 const N_REMEMBERED: usize = 64;
-
-/// Balls that the guess of a machine's scatter counts for, and how many are remembered.
-const SCATTER_GUESS: f64 = 8.0;
-const SCATTER_MEMORY: f64 = 60.0;
-
-/// Learned scatter stays within this factor of the guess, as a variance.
-const SCATTER_FACTOR: f64 = 36.0;
 
 /// 1 sigma of drag and wind that no number of balls takes away: all centres of a lit ball are pulled
 /// alike. Ten sessions of rendered frames were off by 3.2 % of drag and 0.26 m/s after 20 balls,
@@ -129,9 +122,7 @@ pub struct Control {
     physics: Physics,
     surface: Surface,
     belief: Belief,
-    /// Sums of squares of each launch cause's scatter, and of how many balls.
-    scatter_squares: [f64; 4],
-    n_scatter: f64,
+    repeatability: Repeatability,
     distrust: Option<&'static str>,
     /// Latest last.
     told: VecDeque<Told>,
@@ -153,12 +144,11 @@ impl Control {
     #[must_use]
     pub fn new(machine: Machine, physics: Physics, surface: Surface) -> Self {
         Self {
+            repeatability: Repeatability::new(machine.scatter),
             machine,
             physics,
             surface,
             belief: Belief::default(),
-            scatter_squares: [0.0; 4],
-            n_scatter: 0.0,
             distrust: None,
             told: VecDeque::new(),
             n_told: 0,
@@ -191,20 +181,18 @@ impl Control {
     /// How the machine scatters, as far as its balls have shown.
     #[must_use]
     pub fn scatter(&self) -> Scatter {
-        let guess = self.machine.scatter;
-        let guesses = [guess.speed_part, guess.elevation_rad, guess.azimuth_rad, guess.spin_part];
-        let [speed_part, elevation_rad, azimuth_rad, spin_part] = std::array::from_fn(|i| {
-            let variance = guesses[i] * guesses[i];
-            let sum = SCATTER_GUESS * variance + self.scatter_squares[i];
-            let learned = sum / (SCATTER_GUESS + self.n_scatter);
-            learned.clamp(variance / SCATTER_FACTOR, variance * SCATTER_FACTOR).sqrt()
-        });
-        Scatter { speed_part, elevation_rad, azimuth_rad, spin_part }
+        self.repeatability.scatter()
     }
 
     /// From now on nothing is learned, for this reason; commands stay what they are. `None` ends it.
     pub fn distrust(&mut self, why: Option<&'static str>) {
         self.distrust = why;
+    }
+
+    /// Why nothing is learned, if so.
+    #[must_use]
+    pub fn distrusted(&self) -> Option<&'static str> {
+        self.distrust
     }
 
     /// No ball was fired for a while: wind and drag may be others now.
@@ -219,8 +207,8 @@ impl Control {
     /// # Errors
     /// [`OutOfReach`] with the nearest shot.
     pub fn aimed(&mut self, wanted: &Wanted) -> Result<Aimed, Box<OutOfReach>> {
-        let aimed = self.aimed_now(wanted)?;
-        self.remember(wanted, &aimed);
+        let aimed = self.preview(wanted)?;
+        self.told(&aimed);
         Ok(aimed)
     }
 
@@ -251,7 +239,10 @@ impl Control {
 
     /// The flattest of the offers, or the one nearest to what was told last: no shot turns into a
     /// lob because of a breeze. It is not taken for told.
-    fn aimed_now(&self, wanted: &Wanted) -> Result<Aimed, Box<OutOfReach>> {
+    ///
+    /// # Errors
+    /// As [`Control::aimed`].
+    pub fn preview(&self, wanted: &Wanted) -> Result<Aimed, Box<OutOfReach>> {
         let offers = self.offers(wanted)?;
         let last = self.last_told(wanted);
         let off = |aimed: &Aimed| {
@@ -283,7 +274,17 @@ impl Control {
                 settings[i] = settings[i].clamp(last - most, last + most);
             }
         }
-        let settings = self.machine.clamped(&settings);
+        self.expecting(wanted, self.machine.clamped(&settings), known)
+    }
+
+    /// What should come of settings that somebody else chose for a wanted shot; None if no ball
+    /// comes down.
+    #[must_use]
+    pub fn expected(&self, wanted: &Wanted, settings: [f64; 4]) -> Option<Aimed> {
+        self.expecting(wanted, Vector4::from(settings), &self.belief.mean())
+    }
+
+    fn expecting(&self, wanted: &Wanted, settings: Vector4<f64>, known: &Known) -> Option<Aimed> {
         let [speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s] = settings.into();
         let commanded =
             Commanded::new(speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s).ok()?;
@@ -310,7 +311,9 @@ impl Control {
         self.told.iter().rev().find(|told| told.wanted == *wanted)
     }
 
-    fn remember(&mut self, wanted: &Wanted, aimed: &Aimed) {
+    /// The machine was told this: for the same shot it is not told anything far from it next.
+    pub fn told(&mut self, aimed: &Aimed) {
+        let wanted = &aimed.wanted;
         self.told.retain(|told| told.wanted != *wanted);
         if self.told.len() == N_REMEMBERED {
             self.told.pop_front();
@@ -339,7 +342,7 @@ impl Control {
         } else if let (true, Some(causes)) = (is_whole, &shot.causes) {
             self.learn(aimed, causes, miss_m, &mut correction);
         }
-        if let Ok(again) = self.aimed_now(&aimed.wanted) {
+        if let Ok(again) = self.preview(&aimed.wanted) {
             let (now, then) = (again.commanded.settings(), aimed.commanded.settings());
             correction.change = Some(std::array::from_fn(|i| now[i] - then[i]));
             correction.again = Some(again);
@@ -351,7 +354,7 @@ impl Control {
     fn learn(
         &mut self,
         aimed: &Aimed,
-        causes: &crate::causes::Causes,
+        causes: &Causes,
         miss_m: Option<Vector2<f64>>,
         correction: &mut Correction,
     ) {
@@ -361,7 +364,7 @@ impl Control {
         let design = actuators::design(&settings);
         let scatter = actuators::scatter(&settings, &self.scatter());
         let Some(learned) = self.belief.update(causes, &told, &design, &scatter) else { return };
-        self.learn_scatter(&settings, &learned);
+        self.repeatability.update(&settings, &learned);
         correction.trust = match learned.oddity {
             Oddity::None => Trust::Used,
             oddity => Trust::Odd(oddity),
@@ -377,21 +380,6 @@ impl Control {
                 launcher.y,
                 &self.physics,
             );
-        }
-    }
-
-    fn learn_scatter(&mut self, settings: &Vector4<f64>, learned: &belief::Learned) {
-        let keep = (1.0 - 1.0 / SCATTER_MEMORY) * learned.ordinary + (1.0 - learned.ordinary);
-        self.n_scatter = self.n_scatter * keep + learned.ordinary;
-        // Spin's scatter is told apart from the ball's lift by nothing: it is taken as it is said.
-        let units = [settings[Cause::Speed.idx()].powi(-2), 1.0, 1.0, 0.0];
-        for (i, unit) in units.into_iter().enumerate() {
-            let square = if unit > 0.0 {
-                learned.scatter_squares[i] * unit
-            } else {
-                self.machine.scatter.spin_part.powi(2)
-            };
-            self.scatter_squares[i] = self.scatter_squares[i] * keep + square * learned.ordinary;
         }
     }
 }

@@ -163,7 +163,7 @@ const PRECISE: Scatter =
 fn off_m(control: &Control, court: &Court, targets: &[Wanted]) -> f64 {
     let squares: f64 = targets
         .iter()
-        .map(|wanted| match control.aimed_now(wanted) {
+        .map(|wanted| match control.preview(wanted) {
             Ok(aimed) => court.mean_off_m(&aimed).powi(2),
             Err(out) => court.mean_off_m(&out.nearest.unwrap()).powi(2),
         })

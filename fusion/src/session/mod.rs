@@ -22,6 +22,12 @@ use nalgebra::{Matrix2, Vector2};
 /// Balls of a day, one every three seconds. What comes after is counted and not kept.
 pub const MAX_BALLS: usize = 28_800;
 
+/// Most targets of a session: a drill's, and what is wanted besides.
+pub const MAX_TARGETS: usize = 400;
+
+/// The zone of what is wanted without a drill.
+const ZONE_RADIUS_M: f64 = 1.0;
+
 /// Something to aim at.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Target {
@@ -128,20 +134,22 @@ impl Session {
         self.n_left_out
     }
 
-    /// Takes a ball in: for which target, when, what was told, and what came of it, if a ball was
-    /// seen; `control` is what was believed afterwards.
+    /// Takes a ball in: when, what was told, and what came of it, if a ball was seen; `control` is
+    /// what was believed afterwards. What was wanted may be a new target, then of this name.
     pub fn note(
         &mut self,
-        target_idx: usize,
+        name: &str,
         at_s: f64,
         aimed: &Aimed,
         seen: Option<(&Shot, &Correction)>,
         control: &Control,
     ) {
-        if self.balls.len() == MAX_BALLS || target_idx >= self.targets.len() {
+        let Some(target_idx) =
+            self.target_idx(name, &aimed.wanted).filter(|_| self.balls.len() < MAX_BALLS)
+        else {
             self.n_left_out += 1;
             return;
-        }
+        };
         let (air, machine) = believed(control);
         self.machine = Some(machine);
         self.balls.push(Ball {
@@ -156,6 +164,18 @@ impl Session {
                 .to_owned(),
             air,
         });
+    }
+}
+
+impl Session {
+    fn target_idx(&mut self, name: &str, wanted: &Wanted) -> Option<usize> {
+        let known = self.targets.iter().position(|target| target.wanted == *wanted);
+        if known.is_none() && self.targets.len() < MAX_TARGETS {
+            let (name, zone_radius_m) = (name.to_owned(), ZONE_RADIUS_M);
+            self.targets.push(Target { name, wanted: *wanted, zone_radius_m });
+            return Some(self.targets.len() - 1);
+        }
+        known
     }
 }
 

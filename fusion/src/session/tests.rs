@@ -1,6 +1,6 @@
 use super::summary::Summary;
 use super::*;
-use crate::aim::Scatter;
+use crate::aim::{Scatter, Shape};
 use crate::control::tests::{Court, control, targets};
 use crate::shot::Outcome;
 
@@ -19,10 +19,16 @@ fn played(n_balls: usize) -> Session {
         let shot = court.fired(&aimed);
         let at_s = 3.0 * i as f64;
         if i % 10 == 9 {
-            session.note(target_idx, at_s, &aimed, None, &control);
+            session.note(&targets[target_idx].name, at_s, &aimed, None, &control);
         } else {
             let correction = control.update(&aimed, &shot);
-            session.note(target_idx, at_s, &aimed, Some((&shot, &correction)), &control);
+            session.note(
+                &targets[target_idx].name,
+                at_s,
+                &aimed,
+                Some((&shot, &correction)),
+                &control,
+            );
         }
     }
     session
@@ -87,13 +93,21 @@ fn what_a_session_does_not_keep_is_counted() {
     let mut session = played(1);
     let mut control = control(Scatter::USUAL);
     let aimed = control.aimed(&session.targets()[0].wanted.clone()).unwrap();
-    session.note(99, 0.0, &aimed, None, &control);
-    assert_eq!((session.n_left_out(), session.balls().len()), (1, 1));
+    for i in 0..MAX_TARGETS {
+        let landing_m = Vector2::new(0.001 * i as f64, 20.0);
+        let other = Wanted::new(landing_m, Shape::SpeedMS(20.0), None, control.machine());
+        let mut aimed = aimed.clone();
+        aimed.wanted = other.unwrap();
+        session.note("another", 0.0, &aimed, None, &control);
+    }
+    // Six are the drill's.
+    assert_eq!((session.n_left_out(), session.targets().len()), (6, MAX_TARGETS));
+    let n_before = session.balls().len();
     let blind = Shot { outcome: Outcome::TooFewPoints, bounce: None, ..shot() };
     let correction = control.update(&aimed, &blind);
-    session.note(0, 3.0, &aimed, Some((&blind, &correction)), &control);
+    session.note("no. 0", 3.0, &aimed, Some((&blind, &correction)), &control);
     let summary = Summary::new(&session);
-    assert_eq!((summary.n_fired, summary.n_measured), (2, 1));
+    assert_eq!((summary.n_fired, summary.n_measured), (n_before + 1, 1));
     assert_eq!(summary.reservations["too few points"], 1);
 }
 

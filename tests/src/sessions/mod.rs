@@ -20,6 +20,8 @@ pub mod played;
 
 pub mod served;
 
+pub mod practice;
+
 pub mod figures;
 
 pub mod table;

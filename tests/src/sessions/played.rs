@@ -22,9 +22,9 @@ use crate::world::World;
 /// From one launch to the next.
 pub const PERIOD_S: f64 = 3.5;
 /// The first launch; workers have learned the court by then.
-const FIRST_LAUNCH_S: f64 = 0.85;
+pub const FIRST_LAUNCH_S: f64 = 0.85;
 /// Frames before a launch belong to the ball before.
-const MARGIN_S: f64 = 0.1;
+pub const MARGIN_S: f64 = 0.1;
 /// A shot is a ball's if it was launched within this time of it.
 const SAME_LAUNCH_S: f64 = 1.0;
 

@@ -1,8 +1,10 @@
 //! Candidates from boards, or from whoever writes in their place.
 
 use crate::Flags;
+use crate::steering::Steering;
 use crate::table::Table;
 use anyhow::bail;
+use fusion::corrections::Corrections;
 use fusion::intake::{FrameCounts, Intake};
 use shm_layout::ports::MessageReader;
 use shm_layout::services::{Domain, Place};
@@ -37,10 +39,17 @@ impl Inbox {
 }
 
 /// Lays on the table what boards send, until the recordings are over or the process is stopped.
-pub fn run(flags: &Flags, mut table: Table, stop: &Stop) -> anyhow::Result<()> {
+pub fn run(
+    flags: &Flags,
+    mut table: Table,
+    corrections: Option<Corrections>,
+    stop: &Stop,
+) -> anyhow::Result<()> {
     let member = Domain::new(&flags.court, Place::Fusion)?.join("fusion")?;
     table.outputs.shots_out = Some(member.shots()?.writer()?);
     table.outputs.texts_out = Some(member.shots_json()?.writer()?);
+    let steering = |corrections| Steering::open(corrections, flags.report.clone(), &member);
+    table.steering = corrections.map(steering).transpose()?;
     let candidates = member.candidates()?;
     let alarm = candidates.alarm()?;
     let mut inbox = Inbox { strips: candidates.reader()?, ahead: VecDeque::new() };
@@ -51,6 +60,9 @@ pub fn run(flags: &Flags, mut table: Table, stop: &Stop) -> anyhow::Result<()> {
     let mut news_at = Instant::now();
     while !stop.is_raised() {
         inbox.read_ahead()?;
+        if let Some(steering) = &mut table.steering {
+            steering.look()?;
+        }
         while let Some(info) = infos.receive()? {
             taken.n_infos += 1;
             let Some(camera) = Camera::from_idx(info.camera_idx) else { continue };

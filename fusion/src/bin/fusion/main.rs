@@ -3,6 +3,7 @@
 mod boards;
 mod files;
 mod outputs;
+mod steering;
 mod table;
 
 use anyhow::{Context as _, ensure};
@@ -59,6 +60,19 @@ struct Flags {
     /// Measure on with the rig as it now seems to stand when a camera was found to have turned.
     #[arg(long)]
     refine_rig: bool,
+    /// The ball machine: what to tell it for the next ball is published as `corrections`, for what
+    /// is `wanted` or a drill.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["recorded", "left_csv", "right_csv"])]
+    machine: Option<PathBuf>,
+    /// Targets, one after the other.
+    #[arg(long, value_name = "FILE", requires = "machine")]
+    drill: Option<PathBuf>,
+    /// Where the session's report goes and is renewed: session.json, balls.csv, session.svg.
+    #[arg(long, value_name = "DIR", requires = "machine")]
+    report: Option<PathBuf>,
+    /// Of a drill's order of chance.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
     /// Say why a ball was lost, stage by stage, on stdout in the end; no shots are written there.
     #[arg(long)]
     explain: bool,
@@ -117,7 +131,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
             FitFlag::Physics => Fit::Physics,
             FitFlag::Quadratic => Fit::Quadratic,
         },
-        air_density_kg_m3: air::density_kg_m3(flags.temperature_c, flags.altitude_m),
+        air_density_kg_m3: air_density_kg_m3(flags),
         refines_rig: flags.refine_rig,
         ..Settings::default()
     };
@@ -128,12 +142,17 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         true => Fusion::traced(rig, settings),
         false => Fusion::new(rig, settings),
     });
-    let table = Table { rig, fusion, outputs, asked: asked(flags) };
+    let corrections = steering::corrections_of(flags, rig.as_ref())?;
+    let table = Table { rig, fusion, outputs, asked: asked(flags), steering: None };
     if flags.left_csv.is_some() || flags.right_csv.is_some() {
         files::run(flags, table)
     } else {
-        boards::run(flags, table, stop)
+        boards::run(flags, table, corrections, stop)
     }
+}
+
+fn air_density_kg_m3(flags: &Flags) -> f64 {
+    air::density_kg_m3(flags.temperature_c, flags.altitude_m)
 }
 
 /// What is to be explained.

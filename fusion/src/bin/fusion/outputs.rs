@@ -21,9 +21,10 @@ const MAX_SHOTS: usize = 28_800;
 pub struct Outputs {
     json: Option<PathBuf>,
     is_live: bool,
-    refines_rig: bool,
+    pub refines_rig: bool,
     shots: Vec<Shot>,
-    n_shots: u64,
+    /// So many were told, which is the next one's index.
+    pub n_shots: u64,
     pub clock: Option<ClockOffset>,
     pub shots_out: Option<MessageWriter<shm_layout::Shot>>,
     pub texts_out: Option<TextWriter>,
@@ -70,14 +71,14 @@ impl Outputs {
         Ok(())
     }
 
-    pub fn write_shots(&mut self, shots: Vec<Shot>) -> anyhow::Result<()> {
+    pub fn write_shots(&mut self, shots: &[Shot]) -> anyhow::Result<()> {
         for shot in shots {
             if let Some(writer) = &self.shots_out {
-                writer.send(message::from_shot(&shot, self.n_shots))?;
+                writer.send(message::from_shot(shot, self.n_shots))?;
             }
             self.n_shots += 1;
             if self.is_live || self.texts_out.is_some() {
-                let text = shots_json::text_from_shot(&shot);
+                let text = shots_json::text_from_shot(shot);
                 if let Some(writer) = &self.texts_out {
                     writer.send(&text)?;
                 }
@@ -90,7 +91,7 @@ impl Outputs {
                     self.shots.len() < MAX_SHOTS,
                     "more than {MAX_SHOTS} shots in one document"
                 );
-                self.shots.push(shot);
+                self.shots.push(shot.clone());
             }
         }
         Ok(())

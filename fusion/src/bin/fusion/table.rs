@@ -1,6 +1,7 @@
 //! Frames, wherever they come from -> what is written of them.
 
 use crate::outputs::Outputs;
+use crate::steering::Steering;
 use anyhow::{Context as _, ensure};
 use fusion::explain::{self, Window};
 use fusion::intake::FrameCounts;
@@ -25,6 +26,8 @@ pub struct Table {
     pub fusion: Option<Fusion>,
     pub outputs: Outputs,
     pub asked: Option<Asked>,
+    /// Live, with a machine.
+    pub steering: Option<Steering>,
 }
 
 impl Table {
@@ -33,8 +36,19 @@ impl Table {
             self.outputs.write_candidates(camera, frame)?;
             if let Some(fusion) = &mut self.fusion {
                 let shots = fusion.update(camera, frame);
-                self.outputs.write_shots(shots)?;
-                self.outputs.tell(&fusion.take_alarms());
+                let alarms = fusion.take_alarms();
+                let first_idx = self.outputs.n_shots;
+                // Before the corrections that follow from them.
+                self.outputs.write_shots(&shots)?;
+                if let Some(steering) = &mut self.steering {
+                    if !alarms.is_empty() && !self.outputs.refines_rig {
+                        steering.take_turned();
+                    }
+                    for (shot_idx, shot) in (first_idx..).zip(&shots) {
+                        steering.take_shot(shot, shot_idx)?;
+                    }
+                }
+                self.outputs.tell(&alarms);
             }
         }
         Ok(())
@@ -46,10 +60,13 @@ impl Table {
             let shots = fusion.finish();
             let told = shots.last().and_then(|shot| shot.clock);
             self.outputs.clock = told.or(self.outputs.clock);
-            self.outputs.write_shots(shots)?;
+            self.outputs.write_shots(&shots)?;
             self.outputs.tell(&fusion.take_alarms());
             let (dropped, rejected) = (fusion.dropped(), fusion.rejected());
             tracing::info!(?dropped, ?rejected, "fusion ends");
+        }
+        if let Some(steering) = &mut self.steering {
+            steering.finish()?;
         }
         let explained = self.asked.map(|asked| self.explained(asked)).transpose()?;
         self.outputs.finish(frames)?;
