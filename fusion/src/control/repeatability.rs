@@ -1,7 +1,7 @@
 //! Launches around what was expected of them -> how the machine scatters.
 //!
-//! The machine's own word counts for [`GUESS`] balls; from there it is what ordinary balls show, of
-//! the last [`MEMORY`] or so. One step of expectation maximisation a ball: what of a ball's distance
+//! The machine's own word counts for eight balls; from there it is what ordinary balls show, of
+//! the last sixty or so. One step of expectation maximisation a ball: what of a ball's distance
 //! is its own scatter, and how sure that is, comes from [`belief`](super::belief).
 
 use super::belief::Learned;

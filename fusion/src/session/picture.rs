@@ -184,7 +184,7 @@ fn of_all(summary: &Summary) -> Vec<String> {
     }
     if let Some(pace) = summary.pace {
         lines.push(format!(
-            "court pace {:.1} ± {:.1} of {} bounces: friction {:.2}, restitution {:.2}",
+            "court pace {:.1} ± {:.1} ({} bounces; μ {:.2}, e {:.2})",
             pace.rating, pace.sigma, pace.n_bounces, pace.friction, pace.restitution
         ));
     }
