@@ -1,11 +1,11 @@
 //! Flight -> what it says of its own causes: the launch and the air, jointly.
 //!
-//! Where a ball comes down follows from ten numbers ([`Cause`]). A flight fitted alone leans on what
-//! is expected of any ball (drag 0.53 ± 0.05, no wind ± 1.5 m/s, no backspin): taken shot by shot,
-//! that would be counted anew with every shot. So [`Causes`] is what the pixels say and nothing
-//! else: the fit's own information less that of its prior. In directions that one flight cannot
-//! tell apart (drag against head wind) nothing is left; whoever sees many flights brings that in
-//! ([`crate::control`]).
+//! Where a ball comes down follows from ten numbers ([`Cause`]). A flight fitted alone leans on
+//! what is expected of any ball (drag 0.53 ± 0.05, no wind ± 1.5 m/s, no backspin): taken shot by
+//! shot, that would be counted anew with every shot. So [`Causes`] is what the pixels say and
+//! nothing else: the fit's own information less that of its prior. In directions that one flight
+//! cannot tell apart (drag against head wind) nothing is left; whoever sees many flights brings
+//! that in ([`crate::control`]).
 //!
 //! [`landed`](crate::landed) is the way back: ten numbers -> where the ball comes down.
 //!
@@ -77,7 +77,8 @@ impl Cause {
     }
 }
 
-/// What one flight says of its causes: a likelihood, `exp(−½ (z − likely)ᵀ information (z − likely))`.
+/// What one flight says of its causes, as a likelihood:
+/// `exp(−½ (z − likely)ᵀ information (z − likely))`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Causes {
     /// Most likely values; where nothing is known of a direction, those expected of any ball.

@@ -3,9 +3,10 @@
 //! Around [`Control`], which knows machine and air: which target the next ball is for (a drill's,
 //! or what somebody wanted), which command a shot belongs to, and when to speak. A shot belongs to
 //! the command that was answered `fired` nearest to its launch, within [`MATCH_NS`]; what belongs
-//! to none is counted and teaches nothing. A ball that is not seen within [`SEEN_WITHIN_NS`] is said
-//! to be so, and after [`N_UNSEEN_MAX`] of them in a row, or when a camera has turned, nothing is
-//! corrected until a shot is measured again. Settings are what was commanded, whoever chose them.
+//! to none is counted and teaches nothing. A ball that is not seen within [`SEEN_WITHIN_NS`] is
+//! said to be so, and after [`N_UNSEEN_MAX`] of them in a row, or when a camera has turned, nothing
+//! is corrected until a shot is measured again. Settings are what was commanded, whoever chose
+//! them.
 //!
 //! No IO and no clock: stamps come in, on the clock of the shots.
 

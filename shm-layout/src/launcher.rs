@@ -7,10 +7,10 @@
 //!
 //! *A launcher* says `ready` with its limits when it starts, and its state every second. It answers
 //! every command: `fire` with `accepted` and then `fired` (its stamp is when the ball left), or
-//! with `refused` and why, or with `jammed` or `empty`. It refuses what [`LauncherCommand::refusal`]
-//! refuses: settings outside its limits or not a number, and commands that waited too long. After
-//! an `emergency stop` it answers `stopped` and refuses to fire until it is told to `resume`. What
-//! moves is stopped by it alone: nobody between has to be alive.
+//! with `refused` and why, or with `jammed` or `empty`. It refuses what
+//! [`LauncherCommand::refusal`] refuses: settings outside its limits or not a number, and commands
+//! that waited too long. After an `emergency stop` it answers `stopped` and refuses to fire until
+//! it is told to `resume`. What moves is stopped by it alone: nobody between has to be alive.
 //!
 //! *Who commands* keeps to the limits of the last answer, and sends its last safe settings again
 //! when it hears of nothing better. All numbers are SI; stamps are on this machine's clock

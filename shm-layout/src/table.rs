@@ -143,7 +143,8 @@ pub const WANTED: Row = Row {
     held: 1,
 };
 
-/// What fusion would tell the machine for the next ball, for the controller, the page, the recorder.
+/// What fusion would tell the machine for the next ball, for the controller, the page, the
+/// recorder.
 pub const CORRECTIONS: Row = Row {
     name: "corrections",
     message: "Correction",

@@ -2,8 +2,8 @@
 //!
 //! Every court has a certificate authority, a key beside fusion that never leaves it. It signs a
 //! certificate for each machine, whose common name says who that is: `<court>/left`,
-//! `<court>/right`, `<court>/fusion`, `<court>/controller`, `<court>/dashboard`. A club's authority signs for many
-//! courts, and `*/router`, `*/dashboard` for the club.
+//! `<court>/right`, `<court>/fusion`, `<court>/controller`, `<court>/dashboard`. A club's authority
+//! signs for many courts, and `*/router`, `*/dashboard` for the club.
 //!
 //! ```text
 //! beside fusion   scripts/pair board rose left      makes the authority and fusion's keys, if they

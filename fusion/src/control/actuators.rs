@@ -1,5 +1,5 @@
-//! What is told -> what comes of it: four settings, and what is known of the machine and the air, to
-//! the [causes](crate::causes) of the flight that should follow; and the way back.
+//! What is told -> what comes of it: four settings, and what is known of the machine and the air,
+//! to the [causes](crate::causes) of the flight that should follow; and the way back.
 //!
 //! Each actuator has an offset and a gain: a wheel that runs 2 % fast, and 1 % more for every
 //! 10 m/s. Beside these eight numbers stand drag and wind, which all balls of a session share.
@@ -13,8 +13,8 @@ use nalgebra::{Point3, SMatrix, SVector, Vector4};
 /// How many numbers are learned.
 pub const N_KNOWN: usize = 11;
 
-/// Offset and gain of speed (parts of it), elevation (rad), azimuth (rad), backspin (rad/s), in this
-/// order; drag coefficient; wind x and y (m/s).
+/// Offset and gain of speed (parts of it), elevation (rad), azimuth (rad), backspin (rad/s), in
+/// this order; drag coefficient; wind x and y (m/s).
 pub type Known = SVector<f64, N_KNOWN>;
 
 /// Their covariance.
@@ -149,8 +149,8 @@ pub fn scatter(settings: &Vector4<f64>, machine: &Scatter) -> CauseMatrix {
     CauseMatrix::from_diagonal(&sigmas.component_mul(&sigmas))
 }
 
-/// Wind and drag forget in a pause, the machine does not: after half an hour a tenth is left of what
-/// was known of them.
+/// Wind and drag forget in a pause, the machine does not: after half an hour a tenth is left of
+/// what was known of them.
 pub fn forget(pause_s: f64, mean: &mut Known, covariance: &mut KnownMatrix) {
     const FORGETS_IN_S: f64 = 780.0;
     let left = (-pause_s.max(0.0) / FORGETS_IN_S).exp();

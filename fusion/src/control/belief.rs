@@ -4,9 +4,9 @@
 //! that scatters half a metre is not chased. Around it stand the things a filter alone gets wrong:
 //!
 //! - **A ball may be odd**: a gust, a dead ball, a net cord, a wrong track. Each is a kind with a
-//!   prior probability and a wider scatter ([`Oddity`]); the update is the mixture of all, so an odd
-//!   ball is believed as far as it may be an ordinary one. Of the last two balls both stays open:
-//!   the first ball of a session may be the dead one.
+//!   prior probability and a wider scatter ([`Oddity`]); the update is the mixture of all, so an
+//!   odd ball is believed as far as it may be an ordinary one. Of the last two balls both stays
+//!   open: the first ball of a session may be the dead one.
 //! - **Things change at once**: the wind turns, somebody knocks against the machine. With every
 //!   ball the hypotheses "the air changed just now" and "the machine did" come up beside "nothing
 //!   did", and live or die by what follows: Bayesian online change-point detection (Adams & MacKay
@@ -27,7 +27,8 @@ const N_MAX: usize = 24;
 /// A hypothesis that is less likely than this is dropped.
 const WEIGHT_MIN: f64 = 1e-6;
 
-/// How likely the air, or the machine, is to have changed at any ball. A gust that lasts two balls must not win, a step must within three or four.
+/// How likely the air, or the machine, is to have changed at any ball. A gust that lasts two balls
+/// must not win, a step must within three or four.
 const AIR_CHANGES: f64 = 0.002;
 const MACHINE_CHANGES: f64 = 0.001;
 

@@ -36,9 +36,9 @@ use std::fmt;
 /// Wanted shots whose last settings are remembered, for the most they may change.
 const N_REMEMBERED: usize = 64;
 
-/// 1 sigma of drag and wind that no number of balls takes away: all centres of a lit ball are pulled
-/// alike. Ten sessions of rendered frames were off by 3.2 % of drag and 0.26 m/s after 20 balls,
-/// when scatter said 1.4 % and 0.15 (tests/results/sessions.md).
+/// 1 sigma of drag and wind that no number of balls takes away: all centres of a lit ball are
+/// pulled alike. Ten sessions of rendered frames were off by 3.2 % of drag and 0.26 m/s after 20
+/// balls, when scatter said 1.4 % and 0.15 (tests/results/sessions.md).
 const AIR_SYSTEMATIC: [f64; 3] = [0.015, 0.2, 0.2];
 
 /// A command, and what should come of it.
@@ -184,7 +184,7 @@ impl Control {
         self.repeatability.scatter()
     }
 
-    /// From now on nothing is learned, for this reason; commands stay what they are. `None` ends it.
+    /// From now on nothing is learned, for this reason; commands stay as they are. None ends it.
     pub fn distrust(&mut self, why: Option<&'static str>) {
         self.distrust = why;
     }
@@ -212,8 +212,8 @@ impl Control {
         Ok(aimed)
     }
 
-    /// All ways to make a wanted shot, the flattest first: where a speed is wanted, a flat one and a
-    /// lob. None is taken for told.
+    /// All ways to make a wanted shot, the flattest first: where a speed is wanted, a flat one and
+    /// a lob. None is taken for told.
     ///
     /// # Errors
     /// [`OutOfReach`] with the nearest shot.

@@ -32,8 +32,8 @@ impl Repeatability {
         Self { guess, squares: [0.0; 3], n: 0.0 }
     }
 
-    /// As far as its balls have shown. Spin's scatter stays what was said: nothing tells it from the
-    /// scatter of lift from ball to ball.
+    /// As far as its balls have shown. Spin's scatter stays what was said: nothing tells it from
+    /// the scatter of lift from ball to ball.
     #[must_use]
     pub fn scatter(&self) -> Scatter {
         let Scatter { speed_part, elevation_rad, azimuth_rad, spin_part } = self.guess;

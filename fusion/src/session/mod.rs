@@ -1,8 +1,8 @@
 //! Balls of a session -> what came of it: per target and for machine, air and court.
 //!
-//! [`Session`] takes ball after ball and keeps what a report needs; [`summary`] is what follows from
-//! it (the JSON "session/1"), [`table`] every ball as CSV, and [`picture`] all of it on
-//! one page.
+//! [`Session`] takes ball after ball and keeps what a report needs; [`summary`] is what follows
+//! from it (the JSON "session/1"), [`table`] every ball as CSV, and [`picture`] all of it on one
+//! page.
 //!
 //! Court frame, SI; the three ways out use degrees, km/h and rpm.
 

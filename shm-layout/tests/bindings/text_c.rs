@@ -119,11 +119,9 @@ pub fn program(settings: &[[f64; 4]]) -> String {
         writeln!(out, "    printf(\"{} %zu\", sizeof({kind}));", layout.name).unwrap();
         for field in &layout.fields {
             let name = field.name;
-            writeln!(
-                out,
-                "    printf(\" {name}=%zu+%zu\", offsetof({kind}, {name}), sizeof((({kind} *)0)->{name}));"
-            )
-            .unwrap();
+            let offset = format!("offsetof({kind}, {name})");
+            let size = format!("sizeof((({kind} *)0)->{name})");
+            writeln!(out, "    printf(\" {name}=%zu+%zu\", {offset}, {size});").unwrap();
         }
         writeln!(out, "    printf(\"\\n\");").unwrap();
     }
