@@ -3,57 +3,24 @@
 
 #![allow(clippy::unwrap_used)] // all of it is test code; the lint only knows #[test] functions
 
+mod keyed;
+
 use bridge::command::commander::{Failure, ask};
 use bridge::command::seen::Seen;
 use bridge::command::{self, Serving, Setting, relay};
 use bridge::keys;
-use bridge::pairing::authority::Authority;
-use bridge::pairing::bundle::Bundle;
-use bridge::session::{self, Options, Role};
+use bridge::session::Role;
 use bridge::wire::command::{Answer, Command};
+use keyed::Court;
 use shm_layout::Camera;
 use shm_layout::services::{Domain, Place};
 use shm_layout::stop::Stop;
-use std::net::TcpListener;
 use std::sync::Arc;
 use zenoh::{Session, Wait};
 
 const LEFT: Role = Role::Board(Camera::Left);
 
-struct Court {
-    name: String,
-    folder: tempfile::TempDir,
-    authority: Authority,
-    endpoint: String,
-}
-
 impl Court {
-    fn new(what: &str) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        Self {
-            name: format!("{what}-{}", std::process::id()),
-            folder: tempfile::tempdir().unwrap(),
-            authority: Authority::new().unwrap(),
-            endpoint: format!("tls/127.0.0.1:{port}"),
-        }
-    }
-
-    /// A session with the keys of its role.
-    fn session(&self, role: Role) -> Session {
-        let identity = self.authority.identity(&format!("{}/{}", self.name, role.name()), role);
-        let folder = self.folder.path().join(format!("{role:?}"));
-        let authority_pem = self.authority.certificate_pem.clone();
-        let court = self.name.clone();
-        let bundle = Bundle { court, role, identity: identity.unwrap(), authority_pem };
-        bundle.unpack(&folder).unwrap();
-        let mut options = Options { keys: Some(folder), ..Options::new(&self.name, role) };
-        match role {
-            Role::Fusion => options.listen.push(self.endpoint.clone()),
-            _ => options.connect.push(self.endpoint.clone()),
-        }
-        session::open(&options).unwrap()
-    }
-
     fn serve(&self, session: &Session) -> (Serving, impl Sized) {
         let setting = Setting {
             court: self.name.clone(),

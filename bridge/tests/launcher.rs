@@ -3,16 +3,16 @@
 
 #![allow(clippy::unwrap_used)] // all of it is test code; the lint only knows #[test] functions
 
+mod keyed;
+
 use bridge::launcher::{Exchange, Passed};
-use bridge::pairing::authority::Authority;
-use bridge::pairing::bundle::Bundle;
-use bridge::session::{self, Options, Role};
+use bridge::session::Role;
+use keyed::Court;
 use shm_layout::launcher::{
     CommandKind, LauncherAnswer, LauncherCommand, LauncherState, Limits, NONE, Settings, Why,
 };
 use shm_layout::services::{Domain, Place};
 use shm_layout::stamp::now_ns;
-use std::net::TcpListener;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use zenoh::{Session, Wait};
@@ -20,38 +20,7 @@ use zenoh::{Session, Wait};
 /// Only a hung test comes near this.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-struct Court {
-    name: String,
-    folder: tempfile::TempDir,
-    authority: Authority,
-    endpoint: String,
-}
-
 impl Court {
-    fn new() -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        Self {
-            name: format!("launch-{}", std::process::id()),
-            folder: tempfile::tempdir().unwrap(),
-            authority: Authority::new().unwrap(),
-            endpoint: format!("tls/127.0.0.1:{port}"),
-        }
-    }
-
-    fn session(&self, role: Role) -> Session {
-        let identity = self.authority.identity(&format!("{}/{}", self.name, role.name()), role);
-        let folder = self.folder.path().join(role.name());
-        let authority_pem = self.authority.certificate_pem.clone();
-        let court = self.name.clone();
-        Bundle { court, role, identity: identity.unwrap(), authority_pem }.unpack(&folder).unwrap();
-        let mut options = Options { keys: Some(folder), ..Options::new(&self.name, role) };
-        match role {
-            Role::Fusion => options.listen.push(self.endpoint.clone()),
-            _ => options.connect.push(self.endpoint.clone()),
-        }
-        session::open(&options).unwrap()
-    }
-
     fn key(&self, what: &str) -> String {
         format!("court/{}/{what}", self.name)
     }
@@ -87,7 +56,7 @@ fn answer(command_idx: u64) -> LauncherAnswer {
 
 #[test]
 fn a_controller_elsewhere_wants_commands_and_hears_as_if_it_were_here() {
-    let court = Court::new();
+    let court = Court::new("launch");
     let domain = Domain::new(&court.name, Place::Fusion).unwrap();
     let member = domain.join("bridge").unwrap();
     let fusion = court.session(Role::Fusion);

@@ -17,15 +17,8 @@ use tests::shot_folder::rig_toml;
 
 const N_BALLS: usize = 5;
 
-const MACHINE: &str = "\
-[launcher]
-position_in_court_m = [0.0, 0.0, 1.0]
-[limits]
-speed_km_h = [40.0, 110.0]
-elevation_deg = [0.0, 50.0]
-azimuth_deg = [-10.0, 10.0]
-spin_rpm = [-2500.0, 2500.0]
-";
+/// The thesis' machine, as it is committed.
+const MACHINE: &str = include_str!("../../fusion/rigs/machine.toml");
 
 const DRILL: &str = "\
 [[target]]

@@ -8,8 +8,9 @@
 
 use std::sync::Arc;
 
+use fusion::FrameCandidates;
 use nalgebra::Vector2;
-use shm_layout::FrameInfo;
+use shm_layout::{Camera, FrameInfo};
 use workers::strip::Strip;
 use workers::{Settings, Worker};
 
@@ -78,7 +79,7 @@ fn seen_by(
     let mut luma = vec![0; width * height];
     let bounced_s = truth.flights.iter().filter_map(|f| f.bounces.first().map(|b| b.bounced_at_s));
     let end_s = bounced_s.fold(0.0, f64::max) + AFTER_BOUNCE_S;
-    let camera = shm_layout::Camera::BOTH[side as usize];
+    let camera = Camera::BOTH[side as usize];
     let mut frames = Vec::new();
     for frame_idx in 0.. {
         let at_s = clocks.exposed_at_s(side, frame_idx);
@@ -87,21 +88,31 @@ fn seen_by(
         }
         renderer.render_into(frame_idx, at_s, &mut luma);
         let mut frame = empty_frame(frame_idx, clocks.stamp_ns(side, frame_idx));
-        let info = FrameInfo {
-            recording_id: frame.recording_id,
-            frame_idx,
-            exposed_ns: frame.exposed_ns,
-            width_px: size_px.0,
-            height_px: size_px.1,
-            camera_idx: camera.idx() as u32,
-            ..FrameInfo::default()
-        };
-        let message = worker.update(&info, &luma);
-        frame.is_learning = message.is_learning != 0;
-        frame.n_dropped = u64::from(message.n_dropped);
-        frame.spots.extend_from_slice(message.spots());
-        frame.settle();
+        look(&mut worker, camera, (size_px, &luma), &mut frame);
         frames.push(Seen { at_s, camera, frame });
     }
     frames
+}
+
+/// Shows a frame's pixels to a worker of its camera, and keeps what it found.
+pub fn look(
+    worker: &mut Worker,
+    camera: Camera,
+    ((width_px, height_px), luma): ((u32, u32), &[u8]),
+    frame: &mut FrameCandidates,
+) {
+    let info = FrameInfo {
+        recording_id: frame.recording_id,
+        frame_idx: frame.frame_idx,
+        exposed_ns: frame.exposed_ns,
+        width_px,
+        height_px,
+        camera_idx: camera.idx() as u32,
+        ..FrameInfo::default()
+    };
+    let message = worker.update(&info, luma);
+    frame.is_learning = message.is_learning != 0;
+    frame.n_dropped = u64::from(message.n_dropped);
+    frame.spots.extend_from_slice(message.spots());
+    frame.settle();
 }

@@ -1,12 +1,12 @@
 //! Shots -> what to tell the machine for the next one: the ways that are compared.
 
-use fusion::aim::machine::Scatter;
-use fusion::control::{Aimed, Control};
+use fusion::aim::{Scatter, Wanted};
+use fusion::control::{Aimed, Control, OutOfReach};
 use fusion::world::rebound::HARD_COURT;
 use fusion::{Outcome, Shot};
 use nalgebra::Vector2;
 
-use super::targets::{N_TARGETS, Nominal, Target, six, told_from_settings};
+use super::targets::{N_TARGETS, Nominal, Target, six};
 use crate::machine::actuators::Build;
 use crate::machine::told::Told;
 
@@ -156,38 +156,37 @@ impl ByModel {
         Self { nominal, control }
     }
 
-    /// The nearest if it is out of reach.
-    fn aimed(&self, control: &mut Control, target_idx: usize) -> Aimed {
-        let wanted = six()[target_idx].wanted(Vector2::zeros(), &self.nominal.machine);
-        match control.aimed(&wanted) {
-            Ok(aimed) => aimed,
-            Err(why) => why.nearest.expect("a shot that passes the net"),
-        }
+    fn wanted(&self, target_idx: usize) -> Wanted {
+        six()[target_idx].wanted(Vector2::zeros(), &self.nominal.machine)
     }
+}
+
+/// The nearest if it is out of reach.
+fn or_nearest(aimed: Result<Aimed, Box<OutOfReach>>) -> Aimed {
+    aimed.unwrap_or_else(|why| why.nearest.expect("a shot that passes the net"))
+}
+
+/// In `fusion`'s order, which is the same.
+fn told_from(aimed: &Aimed) -> Told {
+    Told::from_numbers(aimed.commanded.settings())
 }
 
 impl Controller for ByModel {
     fn told(&mut self, target_idx: usize) -> Told {
-        // Who is only asked remembers nothing.
-        let mut asked = self.control.clone();
-        told_from_settings(self.aimed(&mut asked, target_idx).commanded.settings())
+        told_from(&or_nearest(self.control.preview(&self.wanted(target_idx))))
     }
 
     fn learn(&mut self, target_idx: usize, told: &Told, shot: Option<&Shot>) -> Learned {
-        let mut control = self.control.clone();
-        let aimed = self.aimed(&mut control, target_idx);
-        assert_eq!(told_from_settings(aimed.commanded.settings()), *told, "told as it was asked");
-        let learned = shot.map(|shot| {
-            let correction = control.update(&aimed, shot);
-            let sum_m = correction.parts.iter().map(|part| part.off_m).sum::<Vector2<f64>>();
-            let miss_m = correction.miss_m.filter(|_| !correction.parts.is_empty());
-            Learned {
-                unexplained_m: miss_m.map(|miss_m| (miss_m - sum_m).norm()),
-                sentence: correction.sentence,
-            }
-        });
-        self.control = control;
-        learned.unwrap_or_default()
+        let aimed = or_nearest(self.control.aimed(&self.wanted(target_idx)));
+        assert_eq!(told_from(&aimed), *told, "told as it was asked");
+        let Some(shot) = shot else { return Learned::default() };
+        let correction = self.control.update(&aimed, shot);
+        let sum_m = correction.parts.iter().map(|part| part.off_m).sum::<Vector2<f64>>();
+        let miss_m = correction.miss_m.filter(|_| !correction.parts.is_empty());
+        Learned {
+            unexplained_m: miss_m.map(|miss_m| (miss_m - sum_m).norm()),
+            sentence: correction.sentence,
+        }
     }
 
     fn air(&self) -> Option<Air> {

@@ -8,13 +8,13 @@ use std::sync::Arc;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use shm_layout::FrameInfo;
 use workers::Worker;
 use workers::strip::Strip;
 
 use crate::accuracy::candidates::{frames_between, rng_from_seed};
 use crate::accuracy::cells::Sight;
 use crate::accuracy::clocks::{ClockRanges, Clocks};
+use crate::accuracy::rendered;
 use crate::accuracy::stream::{Seen, empty_frame, in_order};
 use crate::camera::Side;
 use crate::machine::faults::Fault;
@@ -153,14 +153,15 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    fn frames(&self, rendered: &mut Rendered, flights: &[Flight]) -> Vec<Seen> {
-        let Rendered { backgrounds, workers } = rendered;
+    fn frames(&self, eyes: &mut Rendered, flights: &[Flight]) -> Vec<Seen> {
+        let Rendered { backgrounds, workers } = eyes;
         let mut frames = Vec::new();
         for (side, worker) in Side::BOTH.into_iter().zip(workers) {
             let truth = Truth { flights: flights.to_vec() };
             let background = backgrounds.of(self.scenario, side);
             let renderer = Renderer::before(Arc::clone(&background), self.scenario, &truth, side);
             let (width, height) = (renderer.camera().width_px, renderer.camera().height_px);
+            let size_px = (width as u32, height as u32);
             let mut luma = vec![0; width * height];
             let camera = shm_layout::Camera::BOTH[side as usize];
             for frame_idx in 0.. {
@@ -174,20 +175,7 @@ impl Look<'_> {
                 let mut frame = empty_frame(frame_idx, self.clocks.stamp_ns(side, frame_idx));
                 if is_looked_at(at_s, flights) {
                     renderer.render_into(frame_idx, at_s, &mut luma);
-                    let info = FrameInfo {
-                        recording_id: frame.recording_id,
-                        frame_idx,
-                        exposed_ns: frame.exposed_ns,
-                        width_px: width as u32,
-                        height_px: height as u32,
-                        camera_idx: camera.idx() as u32,
-                        ..FrameInfo::default()
-                    };
-                    let message = worker.update(&info, &luma);
-                    frame.is_learning = message.is_learning != 0;
-                    frame.n_dropped = u64::from(message.n_dropped);
-                    frame.spots.extend_from_slice(message.spots());
-                    frame.settle();
+                    rendered::look(worker, camera, (size_px, &luma), &mut frame);
                 }
                 frames.push(Seen { at_s, camera, frame });
             }

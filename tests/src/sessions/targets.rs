@@ -89,13 +89,8 @@ impl Nominal {
             Ok(mut solutions) => solutions.swap_remove(0),
             Err(why) => why.nearest.expect("a shot that passes the net"),
         };
-        told_from_settings(solution.commanded.settings())
+        Told::from_numbers(solution.commanded.settings())
     }
-}
-
-/// Settings in `fusion`'s order, which is the same.
-pub fn told_from_settings(settings: [f64; 4]) -> Told {
-    Told::from_numbers(settings)
 }
 
 /// [`Nominal::told`] for a target.
