@@ -34,7 +34,7 @@ const MACHINE_CHANGES: f64 = 0.001;
 
 /// 1 sigma of such a change.
 const AIR_CHANGE: [f64; 3] = [0.03, 2.5, 2.5];
-const MACHINE_CHANGE: [f64; 4] = [0.03, 0.015, 0.015, 15.0];
+const MACHINE_CHANGE: [f64; 4] = [0.02, 0.015, 0.015, 15.0];
 
 /// Changes longer ago than this, in balls, are told apart no more.
 const FORGOTTEN: u64 = 25;
