@@ -2,7 +2,8 @@
 //!
 //! A tracklet is decided when enough was seen after its bounce ([`Tracklet::has_bounced`]), when it
 //! has found nothing for a while ([`Tracklet::has_ended`]), or when the recording is over. Then its
-//! path is gathered, fitted and judged, once. A tracklet that was told goes on being followed, so
+//! path is gathered, fitted and judged, once; with `tells_early` once before, and told then if its
+//! bounce is sure already. A tracklet that was told goes on being followed, so
 //! that what becomes of its ball is not taken for another.
 //!
 //! Where stamps are on one clock a flight is fitted twice: first with that doubted
@@ -44,6 +45,7 @@ pub const WORTH_MIN: f64 = 30.0;
 /// Judges tracklets, each once.
 #[derive(Default)]
 pub struct Decider {
+    tells_early: bool,
     /// Of the last shot.
     told: Vec<Sighting>,
     /// Of the shots that the last call gave out.
@@ -55,6 +57,12 @@ pub struct Decider {
 }
 
 impl Decider {
+    /// [`crate::Settings::tells_early`].
+    #[must_use]
+    pub fn new(tells_early: bool) -> Self {
+        Self { tells_early, ..Self::default() }
+    }
+
     /// Paths that were no shot so far, by reason.
     #[must_use]
     pub fn rejected(&self) -> Rejected {
@@ -94,12 +102,17 @@ impl Decider {
         self.judgements.clear();
         for tracklet in &mut tracklets.all {
             let is_over = now_ns.is_none_or(|now_ns| tracklet.is_due(now_ns));
-            if tracklet.is_told || !(is_over || tracklet.has_bounced()) {
+            if tracklet.is_told {
+                continue;
+            }
+            let is_sure = is_over || tracklet.has_bounced();
+            if !is_sure && !(self.tells_early && tracklet.may_be_told_early()) {
                 continue;
             }
             let (verdict, path) = match self.judged(tracklet, now_ns, history, terms, setup, clock)
             {
-                Judgement::Now(verdict, path) => (verdict, path),
+                Judgement::Now(verdict, path) if is_sure || is_whole(&verdict) => (verdict, path),
+                Judgement::Now(..) => continue,
                 Judgement::After(due_ns) => {
                     tracklet.postpone(due_ns);
                     continue;
@@ -195,6 +208,10 @@ enum Judgement {
     Now(Verdict, Option<Path>),
     /// Its ball is still in the air, maybe out of sight; when it will have come down.
     After(StampNs),
+}
+
+fn is_whole(verdict: &Verdict) -> bool {
+    matches!(verdict, Verdict::Shot(shot) if shot.outcome == Outcome::Measured)
 }
 
 /// What is noted of what was said.

@@ -25,7 +25,7 @@ pub mod arrivals;
 pub mod calibration;
 pub mod candidates;
 pub mod candidates_csv;
-mod canvas;
+pub mod canvas;
 pub mod causes;
 pub mod clock;
 pub mod control;
@@ -145,7 +145,7 @@ impl Fusion {
             history: History::default(),
             seeds: seeds::Seeds::default(),
             tracklets: tracklets::Tracklets::default(),
-            decider: decided::Decider::default(),
+            decider: decided::Decider::new(settings.tells_early),
             clock: Clock::default(),
             clock_sigmas_ns: [None; 2],
             alarms: Vec::new(),

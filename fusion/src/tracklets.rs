@@ -44,6 +44,10 @@ const DOUBT_MAX_PX: f64 = 25.0;
 const N_AFTER_BOUNCE: usize = 6;
 const AFTER_BOUNCE_S: f64 = 0.04;
 
+/// Tokens after a bounce with which a shot may be told early: two tell too little too often, and
+/// the fit was in vain.
+const N_EARLY: usize = 3;
+
 /// Worth of a tracklet is not counted beyond this, so that an old one dies as soon as a young one.
 const WORTH_MAX: f64 = 100.0;
 
@@ -111,6 +115,7 @@ pub struct Tracklet {
     n_bounces: u32,
     last_ns: StampNs,
     due_ns: StampNs,
+    was_tried_early: bool,
     n_missed: [u32; 2],
     is_lost: bool,
 }
@@ -138,6 +143,7 @@ impl Tracklet {
             motion,
             falling: None,
             is_told: false,
+            was_tried_early: false,
             id: 0,
             is_lone: seed.flown_s.is_some(),
             begun_ns: first_ns,
@@ -218,6 +224,14 @@ impl Tracklet {
         let n_after = 1 + after.count();
         n_after >= N_AFTER_BOUNCE
             && first_ns.is_some_and(|ns| seconds_between(ns, self.last_ns) >= AFTER_BOUNCE_S)
+    }
+
+    /// Whether enough was seen after a bounce to be told early, if a fit is sure of it; true once.
+    pub fn may_be_told_early(&mut self) -> bool {
+        let n_after = self.tokens.iter().filter(|token| token.n_bounces > 0).count();
+        let may = n_after >= N_EARLY && !self.was_tried_early;
+        self.was_tried_early |= may;
+        may
     }
 
     /// Whether it will find nothing more.

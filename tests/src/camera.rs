@@ -8,6 +8,7 @@
 use std::fmt::Write;
 
 use nalgebra::{Matrix3, Point2, Point3, Vector2, Vector3};
+use shm_layout::MAX_SIDE_PX;
 
 /// Points nearer than this, or behind the camera, have no image.
 const DEPTH_MIN_M: f64 = 0.05;
@@ -77,6 +78,19 @@ impl Camera {
             row_time_s: 0.0,
             exposure_s: 0.002,
         }
+    }
+
+    /// The same view with other pixels: as wide, and cut or grown above and below.
+    #[must_use]
+    pub fn with_size_px(self, [width_px, height_px]: [usize; 2]) -> Self {
+        let scale = width_px as f64 / self.width_px as f64;
+        let middle = |n_px: usize| (n_px as f64 - 1.0) / 2.0;
+        let off_px =
+            [self.center_px[0] - middle(self.width_px), self.center_px[1] - middle(self.height_px)];
+        let center_px =
+            [middle(width_px) + scale * off_px[0], middle(height_px) + scale * off_px[1]];
+        let focal_px = self.focal_px.map(|focal_px| focal_px * scale);
+        Self { width_px, height_px, focal_px, center_px, ..self }
     }
 
     /// Where a point is seen; `None` when it is not in front of the camera.
@@ -164,6 +178,20 @@ pub fn toml_from_camera(side: Side, camera: &Camera) -> String {
     );
     written.expect("a String takes any text");
     text
+}
+
+/// "1280x720": both sides even 64 to 4096.
+///
+/// # Errors
+/// When it is anything else.
+pub fn size_px_from_text(text: &str) -> Result<[usize; 2], String> {
+    let expected = || format!("expected such as 1280x720, even, 64 to {MAX_SIDE_PX}, got {text:?}");
+    let side = |side: &str| side.parse().ok().filter(|n| (64..=MAX_SIDE_PX as usize).contains(n));
+    let (width, height) = text.split_once('x').ok_or_else(expected)?;
+    match (side(width), side(height)) {
+        (Some(width), Some(height)) if (width | height) % 2 == 0 => Ok([width, height]),
+        _ => Err(expected()),
+    }
 }
 
 #[cfg(test)]

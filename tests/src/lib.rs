@@ -113,6 +113,8 @@ pub mod kills;
 
 pub mod link;
 
+pub mod latency;
+
 pub mod labels;
 
 pub mod label_file;

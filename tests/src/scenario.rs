@@ -269,6 +269,13 @@ impl Scenario {
         frame_idx as f64 / self.frame_rate_hz + phase_ns as f64 * 1e-9
     }
 
+    /// From the middle of the first row's exposure to the end of the last row's, of the slower camera.
+    pub fn exposed_for_s(&self) -> f64 {
+        let ends_s = [&self.rig.left, &self.rig.right]
+            .map(|c| c.exposure_s / 2.0 + c.height_px.saturating_sub(1) as f64 * c.row_time_s);
+        ends_s[0].max(ends_s[1])
+    }
+
     /// The stamp that frame carries, on its own camera's clock.
     pub fn stamp_ns(&self, side: Side, frame_idx: u64) -> i64 {
         let offset_ns = match side {

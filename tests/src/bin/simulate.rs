@@ -10,8 +10,8 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::{Args, Parser, ValueEnum};
 use shm_layout::stop::Stop;
-use tests::camera::Side;
-use tests::player::Programme;
+use tests::camera::{self, Side};
+use tests::player::{Programme, Stamps};
 use tests::renderer::Renderer;
 use tests::scenario::{Scenario, ScenarioOptions};
 use tests::scenes;
@@ -34,7 +34,7 @@ struct Flags {
 }
 
 /// Flags that a scene leaves nothing to say to.
-const PLAY_FLAGS: [&str; 14] = [
+const PLAY_FLAGS: [&str; 15] = [
     "seed",
     "shots",
     "thesis_shot",
@@ -47,6 +47,7 @@ const PLAY_FLAGS: [&str; 14] = [
     "fps",
     "exposure_us",
     "row_time_us",
+    "size",
     "right_offset_ns",
     "right_phase_ns",
 ];
@@ -96,6 +97,9 @@ struct PlayFlags {
     /// How far the right camera's clock is ahead of the left one's.
     #[arg(long, default_value_t = 0, allow_hyphen_values = true)]
     right_offset_ns: i64,
+    /// Pixels of both cameras, with the same view from left to right; default: 640x480.
+    #[arg(long, value_name = "WxH", value_parser = camera::size_px_from_text)]
+    size: Option<[usize; 2]>,
     /// How much later than the left camera the right one really exposes.
     #[arg(long, default_value_t = 0, allow_hyphen_values = true)]
     right_phase_ns: i64,
@@ -133,6 +137,9 @@ struct OutputFlags {
     /// go on until stopped.
     #[arg(long)]
     play_shots: Option<usize>,
+    /// Live: stamps on this machine's clock, as a camera's are, not on one that begins at 0.
+    #[arg(long)]
+    machine_clock: bool,
     /// Live: end when the process that started this one has ended.
     #[arg(long)]
     with_parent: bool,
@@ -177,7 +184,8 @@ fn main() -> anyhow::Result<()> {
         let stop = Stop::on_signals(output.with_parent).context("cannot listen to signals")?;
         let court = output.court.as_deref().context("--live needs --court")?;
         let programme = Programme::new(&scenario, &truth, output.play_shots);
-        programme.play(court, output.workers, &stop)?;
+        let stamps = if output.machine_clock { Stamps::Machine } else { Stamps::Own };
+        programme.stamped(stamps).play(court, output.workers, &stop)?;
     }
     if output.destination.time {
         time_frames(&scenario, &truth, side);
@@ -210,6 +218,9 @@ fn scenario_from_flags(flags: &PlayFlags) -> Scenario {
     for camera in [&mut scenario.rig.left, &mut scenario.rig.right] {
         camera.exposure_s = flags.exposure_us * 1e-6;
         camera.row_time_s = flags.row_time_us * 1e-6;
+        if let Some(size_px) = flags.size {
+            *camera = camera.clone().with_size_px(size_px);
+        }
     }
     scenario
 }

@@ -18,6 +18,8 @@ pub struct Latency {
     pub p90_ns: u64,
     /// 99 of a hundred.
     pub p99_ns: u64,
+    /// 999 of a thousand.
+    pub p999_ns: u64,
     /// The slowest.
     pub max_ns: u64,
 }
@@ -39,6 +41,7 @@ impl Latency {
             p50_ns: histogram.value_at_quantile(0.5),
             p90_ns: histogram.value_at_quantile(0.9),
             p99_ns: histogram.value_at_quantile(0.99),
+            p999_ns: histogram.value_at_quantile(0.999),
             max_ns: histogram.max(),
         }
     }

@@ -147,7 +147,7 @@ impl fmt::Display for Report {
 }
 
 fn write_latency(f: &mut fmt::Formatter<'_>, what: &str, latency: &Latency) -> fmt::Result {
-    let Latency { n, p50_ns, p90_ns, p99_ns, max_ns } = *latency;
+    let Latency { n, p50_ns, p90_ns, p99_ns, max_ns, .. } = *latency;
     let [p50, p90, p99, max] = [p50_ns, p90_ns, p99_ns, max_ns].map(time);
     writeln!(f, "| {what} | {n} | {p50} | {p90} | {p99} | {max} |")
 }

@@ -60,6 +60,10 @@ struct Flags {
     /// Measure on with the rig as it now seems to stand when a camera was found to have turned.
     #[arg(long)]
     refine_rig: bool,
+    /// Tell a shot as soon as its bounce is sure, some 30 ms earlier: where it bounced is known as
+    /// well, how it went on from there is not.
+    #[arg(long)]
+    early: bool,
     /// The ball machine: what to tell it for the next ball is published as `corrections`, for what
     /// is `wanted` or a drill.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["recorded", "left_csv", "right_csv"])]
@@ -133,6 +137,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         },
         air_density_kg_m3: air_density_kg_m3(flags),
         refines_rig: flags.refine_rig,
+        tells_early: flags.early,
         ..Settings::default()
     };
     if !flags.recorded.is_empty() {
