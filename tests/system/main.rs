@@ -12,6 +12,7 @@ mod court; // pictures of a court's lines become a rig
 mod filmed; // a board for cameras that are not there
 mod hosts; // hosts of one network, and how bad it is
 mod labelling; // a person's labels, over HTTP, in the file
+mod latency; // how long every stage takes is heard in full
 mod link; // candidates and clocks over a network that is as bad as asked
 mod recording; // recorded shots, a killed recorder, and playing them again
 mod refusals; // bad input: named, with its place, and nothing left behind
