@@ -10,6 +10,7 @@ mod chessboard; // pictures of a board become a rig
 mod commands; // what boards are told to do
 mod court; // pictures of a court's lines become a rig
 mod filmed; // a board for cameras that are not there
+mod hostile; // files damaged at random are read or refused
 mod hosts; // hosts of one network, and how bad it is
 mod labelling; // a person's labels, over HTTP, in the file
 mod latency; // how long every stage takes is heard in full
