@@ -56,9 +56,9 @@ export function Numbers(props: { row: ShotRow }) {
       />
       <Big
         name={t("live.elevation")}
-        value={orNull(row.elevation_deg, (v) => v.toFixed(1))}
+        value={orNull(row.elevation_deg, (v) => `${v.toFixed(1)}°`)}
         sigma={null}
-        unit="°"
+        unit=""
         extra={orNull(row.azimuth_deg, (v) =>
           t(v < 0 ? "live.toLeft" : "live.toRight", { deg: Math.abs(v).toFixed(1) }),
         )}

@@ -19,6 +19,7 @@ function palette(): Palette {
   const colour = (name: string) => style.getPropertyValue(name).trim();
   return {
     air: colour("--court-air"),
+    around: colour("--court-around"),
     outside: colour("--court-outside"),
     inside: colour("--court-inside"),
     line: colour("--court-line"),
@@ -27,6 +28,7 @@ function palette(): Palette {
     reference: colour("--court-reference"),
     target: colour("--court-target"),
     net: colour("--court-net"),
+    machine: colour("--court-machine"),
     shadow: colour("--court-shadow"),
   };
 }

@@ -78,9 +78,9 @@ function Dots(props: { series: Series; scale: Scale }) {
         if (value === null) return null;
         const [x, y] = [scale.x(i), scale.y(value)];
         return series.shape === "circle" ? (
-          <circle key={i} class="dot" cx={x} cy={y} r={3.2} />
+          <circle key={i} class="spot" cx={x} cy={y} r={3.2} />
         ) : (
-          <rect key={i} class="dot" x={x - 2.9} y={y - 2.9} width={5.8} height={5.8} />
+          <rect key={i} class="spot" x={x - 2.9} y={y - 2.9} width={5.8} height={5.8} />
         );
       })}
     </g>
@@ -186,9 +186,9 @@ export function TrendKey(props: { series: Series[] }) {
                 d="M1 8H25"
               />
             ) : one.shape === "circle" ? (
-              <circle class={`dot ink-${one.hue}`} cx={13} cy={8} r={4} />
+              <circle class={`spot ink-${one.hue}`} cx={13} cy={8} r={4} />
             ) : (
-              <rect class={`dot ink-${one.hue}`} x={9} y={4} width={8} height={8} />
+              <rect class={`spot ink-${one.hue}`} x={9} y={4} width={8} height={8} />
             )}
           </svg>
           {one.name}

@@ -9,6 +9,7 @@ import { cordHeight } from "../pure/trajectory";
 
 export interface Palette {
   air: string;
+  around: string;
   outside: string;
   inside: string;
   line: string;
@@ -17,12 +18,13 @@ export interface Palette {
   reference: string;
   target: string;
   net: string;
+  machine: string;
   shadow: string;
 }
 
 const LINE_WIDTH_M = 0.06;
-const TUBE_RADIUS_M = 0.055;
-const OLD_RADIUS_M = 0.03;
+/** Thicker than a ball, or a phone would not show it; near its bounce thinner than its ellipse. */
+export const RADII_M = { far: { ball: 0.055, old: 0.03 }, near: { ball: 0.008, old: 0.004 } } as const;
 /** Painted things lie a little above each other, or they would flicker. */
 const LAYER_M = 0.004;
 
@@ -42,6 +44,20 @@ function painted(a: Xy, b: Xy, colour: string) {
   const line = flat(LINE_WIDTH_M, length_m, colour, 2 * LAYER_M, mid);
   line.rotation.z = Math.atan2(dy, dx) - Math.PI / 2;
   return line;
+}
+
+const AROUND_M = 70;
+
+/** What lies around the court fades into the air, so that there is no edge of the world. */
+function surroundings(palette: Palette) {
+  const geometry = new three.CircleGeometry(AROUND_M, 64);
+  const n = geometry.getAttribute("position").count;
+  const [middle, rim] = [new three.Color(palette.around), new three.Color(palette.air)];
+  const colours = Array.from({ length: n }, (_, i) => (i === 0 ? middle : rim).toArray()).flat();
+  geometry.setAttribute("color", new three.Float32BufferAttribute(colours, 3));
+  const mesh = new three.Mesh(geometry, new three.MeshBasicMaterial({ vertexColors: true }));
+  mesh.position.set(0, 12, -0.02);
+  return mesh;
 }
 
 const NET_COLUMNS = 32;
@@ -91,15 +107,17 @@ export function courtFrom(court: Court, palette: Palette): three.Group {
   const group = new three.Group();
   const length_m = 2 * court.net.y_m;
   const mid: Xy = [0, court.net.y_m];
-  group.add(flat(19, length_m + 13, palette.outside, 0, mid));
+  group.add(surroundings(palette), flat(19, length_m + 13, palette.outside, 0, mid));
   group.add(flat(10.97, length_m, palette.inside, LAYER_M, mid));
   for (const [a, b] of court.lines_m) group.add(painted(a, b, palette.line));
+  const [post, other] = court.net.posts_x_m;
+  group.add(flat(other - post, 0.1, palette.net, 3 * LAYER_M, [(post + other) / 2, court.net.y_m]));
   group.add(net(court, palette));
   if (court.launcher_m) {
     const [x, y, z] = court.launcher_m;
     const box = new three.Mesh(
       new three.BoxGeometry(0.5, 0.6, z),
-      new three.MeshLambertMaterial({ color: palette.net }),
+      new three.MeshLambertMaterial({ color: palette.machine }),
     );
     box.position.set(x, y - 0.35, z / 2);
     group.add(box);
@@ -107,10 +125,16 @@ export function courtFrom(court: Court, palette: Palette): three.Group {
   for (const [x, y, z] of court.cameras_m) {
     const box = new three.Mesh(
       new three.BoxGeometry(0.22, 0.3, 0.22),
-      new three.MeshLambertMaterial({ color: palette.net }),
+      new three.MeshLambertMaterial({ color: palette.machine }),
     );
     box.position.set(x, y, z);
-    group.add(box);
+    const mast = new three.Mesh(
+      new three.CylinderGeometry(0.03, 0.03, z, 8),
+      new three.MeshLambertMaterial({ color: palette.machine }),
+    );
+    mast.rotation.x = Math.PI / 2;
+    mast.position.set(x, y, z / 2);
+    group.add(box, mast);
   }
   return group;
 }
@@ -118,10 +142,11 @@ export function courtFrom(court: Court, palette: Palette): three.Group {
 const vector = ([x, y, z]: Xyz) => new three.Vector3(x, y, z);
 
 /** The points are those of the track; between them a smooth curve. */
-export function tube(points: Xyz[], colour: string, opacity: number, is_old: boolean) {
+export function tube(
+  points: Xyz[], colour: string, opacity: number, is_old: boolean, radius: number,
+) {
   const curve = new three.CatmullRomCurve3(points.map(vector), false, "centripetal");
   const n = Math.min(160, Math.max(24, points.length * 2));
-  const radius = is_old ? OLD_RADIUS_M : TUBE_RADIUS_M;
   const geometry = new three.TubeGeometry(curve, n, radius, 8, false);
   const material = is_old
     ? new three.MeshBasicMaterial({ color: colour, transparent: true, opacity, depthWrite: false })
@@ -193,7 +218,6 @@ export function ring(at: Xyz, colour: string): three.Sprite {
   const sprite = new three.Sprite(
     new three.SpriteMaterial({ map: texture, sizeAttenuation: false, depthTest: false }),
   );
-  sprite.scale.setScalar(0.055);
   sprite.position.set(...at);
   return sprite;
 }

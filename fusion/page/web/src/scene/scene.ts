@@ -4,7 +4,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { Ball, Court, Target, Xyz } from "../contract";
 import { ellipse95 } from "../pure/ellipse";
 import { drawnFrom } from "../pure/trajectory";
-import { courtFrom, disc, dispose, fatLine, ring, shadowOf, tube, type Palette } from "./meshes";
+import { RADII_M, courtFrom, disc, dispose, fatLine, ring, shadowOf, tube, type Palette } from "./meshes";
 
 export type Place = "behind" | "above" | "side" | "landing";
 
@@ -15,6 +15,7 @@ export interface Content {
 }
 
 const FIELD_DEG = 38;
+const MARK_PX = 34;
 const FLIGHT_MS = 650;
 const TURN_MS = 380;
 const MID_Y_M = 11.885;
@@ -27,6 +28,7 @@ export class Scene {
   private readonly observer: ResizeObserver;
   private ground: three.Group | null = null;
   private balls: three.Group | null = null;
+  private mark: three.Sprite | null = null;
   private content: Content = { ball: null, others: [], target: null };
   private shown_id: number | null = null;
   private place: Place = "behind";
@@ -93,9 +95,13 @@ export class Scene {
     this.ask();
   }
 
+  private get radii() {
+    return this.place === "landing" ? RADII_M.near : RADII_M.far;
+  }
+
   private addOld(ball: Ball, opacity: number): void {
     const { before } = drawnFrom(ball.shot);
-    if (before.length > 1) this.balls?.add(tube(before, this.palette.old, opacity, true));
+    if (before.length > 1) this.balls?.add(tube(before, this.palette.old, opacity, true, this.radii.old));
   }
 
   private addTarget(target: Target): void {
@@ -118,18 +124,33 @@ export class Scene {
     }
     let flight: three.Mesh | null = null;
     if (before.length > 1) {
-      flight = tube(before, palette.ball, 1, false);
+      flight = tube(before, palette.ball, 1, false, this.radii.ball);
       balls?.add(flight, shadowOf(before, palette.shadow));
     }
-    if (after.length > 1) balls?.add(tube(after, palette.ball, 0.5, true));
+    if (after.length > 1) balls?.add(tube(after, palette.ball, 0.5, true, this.radii.old));
     const bounce = ball.shot.bounce;
     if (bounce) {
       const [x, y] = bounce.position_m;
       const ellipse = ellipse95([x, y], bounce.covariance_m2);
       if (ellipse) balls?.add(disc(ellipse, palette.ball, 0.55, 5, 2));
-      balls?.add(ring([x, y, 0.02], palette.ball));
+      if (this.place === "landing") {
+        const [tx, ty] = this.content.target?.landing_m ?? [x, y];
+        if (tx !== x || ty !== y) {
+          balls?.add(fatLine([[tx, ty, 0.018], [x, y, 0.018]], palette.reference, 2.5, null));
+        }
+      } else {
+        this.mark = ring([x, y, 0.02], palette.ball);
+        this.sizeMark();
+        balls?.add(this.mark);
+      }
     }
     return flight;
+  }
+
+  private sizeMark(): void {
+    const height_px = this.canvas.clientHeight;
+    const half = Math.tan((FIELD_DEG * Math.PI) / 360);
+    if (height_px > 0) this.mark?.scale.setScalar((MARK_PX * 2 * half) / height_px);
   }
 
   private grow(flight: three.Mesh): void {
@@ -144,7 +165,9 @@ export class Scene {
   }
 
   look(place: Place, is_asked = true): void {
+    const is_other_size = (place === "landing") !== (this.place === "landing");
     this.place = place;
+    if (is_other_size) this.show(this.content);
     if (is_asked) this.is_free = false;
     const [from, to] = this.stand(place);
     if (this.isStill() || !is_asked) {
@@ -173,12 +196,15 @@ export class Scene {
     const at = (x: number, y: number, z: number) => new three.Vector3(x, y, z);
     switch (place) {
       case "behind": {
-        const far = Math.max(7.6, 5.2 / wide);
-        return [at(0, 1.5 - far, 2.2 + 0.5 * far), at(0, 12.2, 0.2)];
+        // Near enough that the far half is large; what is cut off is the near one.
+        const far = Math.max(5.6, 3.4 / wide);
+        return [at(0, 1.5 - far, 2.6 + 0.7 * far), at(0, 13.2, 0)];
       }
       case "above": {
-        const high = Math.max(14.2 / half, 7.2 / wide);
-        return [at(0, MID_Y_M - 0.02, high), at(0, MID_Y_M, 0)];
+        // A low picture shows the half where balls land, a high one all of the court.
+        const [mid, reach] = this.canvas.clientHeight < 420 ? [16.4, 8.9] : [MID_Y_M - 0.9, 14.6];
+        const high = Math.max(reach / half, 7.2 / wide);
+        return [at(0, mid - 0.02, high), at(0, mid, 0)];
       }
       case "side": {
         const far = Math.max(14.2 / wide, 8);
@@ -193,7 +219,7 @@ export class Scene {
         const reach = Math.max(0.35, Math.hypot(bx - tx, by - ty) * 0.62);
         const far = reach / Math.min(half, wide);
         const [x, y] = [(bx + tx) / 2, (by + ty) / 2];
-        return [at(x, y - 0.75 * far, 0.9 * far), at(x, y, 0)];
+        return [at(x, y - 0.45 * far, 0.95 * far), at(x, y - 0.1 * reach, 0)];
       }
     }
   }
@@ -204,6 +230,7 @@ export class Scene {
     this.renderer.setSize(box.width, box.height, false);
     this.camera.aspect = box.width / box.height;
     this.camera.updateProjectionMatrix();
+    this.sizeMark();
     if (this.is_free) this.ask();
     else this.look(this.place, false);
   }

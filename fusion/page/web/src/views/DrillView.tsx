@@ -20,16 +20,15 @@ const balls = signal("");
 
 export function DrillView() {
   useEffect(() => void loadDrills(), []);
+  // On a phone what matters now comes first; on a desk both stand beside each other.
+  const running = drill.value?.running ?? false;
   return (
     <div class="view drill">
       <h1>{t("tab.drill")}</h1>
       {isStopped() && <p class="warning strong">{t("stop.isStopped")}</p>}
-      <div class="columns even">
-        <div class="stack">
-          <Run />
-          <Said />
-        </div>
-        <Editor />
+      <div class="drill-grid">
+        <Run />
+        {running ? [<Said key="said" />, <Editor key="editor" />] : [<Editor key="editor" />, <Said key="said" />]}
       </div>
       <StopButton />
     </div>
@@ -75,6 +74,7 @@ function Run() {
       ) : (
         <p class="headline small">{state?.name ? t("drill.idleAfter", { name: state.name }) : t("drill.idle")}</p>
       )}
+      {!running && <Which />}
       {state?.said && <p class="said" lang={language.value === "en" ? undefined : "en"}>{state.said}</p>}
       <div class="bar">
         <label class="switch">
@@ -105,6 +105,25 @@ function Run() {
   );
 }
 
+function Which() {
+  const now = draft.value;
+  const pick = (event: Event) => {
+    const { value } = event.currentTarget as HTMLSelectElement;
+    const found = drills.value.find((one) => one.name === value);
+    if (found) open(found);
+  };
+  const is_known = drills.value.some((one) => one.name === now?.name);
+  return (
+    <label class="field">
+      {t("drill.which")}
+      <select value={now?.name ?? ""} onChange={pick}>
+        {now && !is_known && <option value={now.name}>{now.name}</option>}
+        {drills.value.map((one) => <option key={one.name}>{one.name}</option>)}
+      </select>
+    </label>
+  );
+}
+
 function Progress(props: { state: DrillState }) {
   const { state } = props;
   return (
@@ -129,7 +148,7 @@ const SAID = 30;
 function Said() {
   const told = rows.value.filter((row) => row.sentence !== null).slice(0, SAID);
   return (
-    <section class="panel">
+    <section class="panel why">
       <h2>{t("drill.why")}</h2>
       {told.length === 0 ? (
         <p class="quiet-text">{t("drill.whyNone")}</p>
@@ -160,23 +179,13 @@ function Told(props: { row: ShotRow }) {
 
 function Editor() {
   const now = draft.value;
-  const pick = (event: Event) => {
-    const { value } = event.currentTarget as HTMLSelectElement;
-    const found = drills.value.find((one) => one.name === value);
-    if (found) open(found);
-  };
   const is_known = drills.value.some((one) => one.name === now?.name);
   return (
     <section class="panel editor" aria-label={t("drill.editor")}>
-      <div class="bar">
-        <label class="field">
-          {t("drill.which")}
-          <select value={now?.name ?? ""} onChange={pick}>
-            {now && !is_known && <option value={now.name}>{now.name}</option>}
-            {drills.value.map((one) => <option key={one.name}>{one.name}</option>)}
-          </select>
-        </label>
-        <button type="button" class="end" onClick={begin}>{t("drill.new")}</button>
+      <div class="bar head">
+        <h2>{now ? t("drill.targetsOf", { name: now.name }) : t("drill.editor")}</h2>
+        <span class="gap" />
+        <button type="button" class="quiet" onClick={begin}>{t("drill.new")}</button>
       </div>
       {now && (
         <>
