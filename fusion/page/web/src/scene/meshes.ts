@@ -24,7 +24,7 @@ export interface Palette {
 
 const LINE_WIDTH_M = 0.06;
 /** Thicker than a ball, or a phone would not show it; near its bounce thinner than its ellipse. */
-export const RADII_M = { far: { ball: 0.055, old: 0.03 }, near: { ball: 0.008, old: 0.004 } } as const;
+export const RADII_M = { far: { ball: 0.055, old: 0.03 }, near: { ball: 0.006, old: 0.003 } } as const;
 /** Painted things lie a little above each other, or they would flicker. */
 const LAYER_M = 0.004;
 
@@ -220,6 +220,16 @@ export function ring(at: Xyz, colour: string): three.Sprite {
   );
   sprite.position.set(...at);
   return sprite;
+}
+
+/** Drawn last and through whatever stands before it. */
+export function onTop(group: three.Group): three.Group {
+  for (const one of group.children) {
+    one.renderOrder = 5;
+    const { material } = one as three.Mesh;
+    for (const each of Array.isArray(material) ? material : [material]) each.depthTest = false;
+  }
+  return group;
 }
 
 export function dispose(root: three.Object3D): void {

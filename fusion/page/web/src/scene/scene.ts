@@ -4,7 +4,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { Ball, Court, Target, Xyz } from "../contract";
 import { ellipse95 } from "../pure/ellipse";
 import { drawnFrom } from "../pure/trajectory";
-import { RADII_M, courtFrom, disc, dispose, fatLine, ring, shadowOf, tube, type Palette } from "./meshes";
+import { RADII_M, courtFrom, disc, dispose, fatLine, onTop, ring, shadowOf, tube, type Palette } from "./meshes";
 
 export type Place = "behind" | "above" | "side" | "landing";
 
@@ -124,7 +124,8 @@ export class Scene {
     }
     let flight: three.Mesh | null = null;
     if (before.length > 1) {
-      flight = tube(before, palette.ball, 1, false, this.radii.ball);
+      const opacity = this.place === "landing" ? 0.45 : 1;
+      flight = tube(before, palette.ball, opacity, false, this.radii.ball);
       balls?.add(flight, shadowOf(before, palette.shadow));
     }
     if (after.length > 1) balls?.add(tube(after, palette.ball, 0.5, true, this.radii.old));
@@ -132,7 +133,7 @@ export class Scene {
     if (bounce) {
       const [x, y] = bounce.position_m;
       const ellipse = ellipse95([x, y], bounce.covariance_m2);
-      if (ellipse) balls?.add(disc(ellipse, palette.ball, 0.55, 5, 2));
+      if (ellipse) balls?.add(onTop(disc(ellipse, palette.ball, 0.6, 5, 2.5)));
       if (this.place === "landing") {
         const [tx, ty] = this.content.target?.landing_m ?? [x, y];
         if (tx !== x || ty !== y) {

@@ -23,12 +23,14 @@ export function DrillView() {
   // On a phone what matters now comes first; on a desk both stand beside each other.
   const running = drill.value?.running ?? false;
   return (
-    <div class="view drill">
+    <div class="drill-page">
+      <div class="view drill">
       <h1>{t("tab.drill")}</h1>
       {isStopped() && <p class="warning strong">{t("stop.isStopped")}</p>}
       <div class="drill-grid">
         <Run />
         {running ? [<Said key="said" />, <Editor key="editor" />] : [<Editor key="editor" />, <Said key="said" />]}
+      </div>
       </div>
       <StopButton />
     </div>
