@@ -76,20 +76,20 @@ test("what has the focus is seen to have it", async ({ open }) => {
 
 test("speeds are told in the unit that was chosen, and it stays", async ({ open }) => {
   const page = await open("settings");
-  await page.getByText("mph", { exact: true }).click();
+  await page.getByRole("radio", { name: "mph" }).check();
   await page.locator('.tabs a[href="#/live"]').click();
   await expect(page.locator(".numbers .unit").first()).toHaveText("mph");
   await page.reload();
   await expect(page.locator(".numbers .unit").first()).toHaveText("mph");
   await page.locator('.tabs a[href="#/settings"]').click();
-  await page.getByText("m/s", { exact: true }).click();
+  await page.getByRole("radio", { name: "m/s" }).check();
   await page.locator('.tabs a[href="#/live"]').click();
   await expect(page.locator(".numbers .unit").first()).toHaveText("m/s");
 });
 
 test("it speaks German, and the page says that it does", async ({ open }) => {
   const page = await open("settings");
-  await page.getByText("Deutsch").click();
+  await page.getByRole("radio", { name: "Deutsch" }).check();
   await expect(page.locator("html")).toHaveAttribute("lang", "de");
   await expect(page.locator("h1")).toHaveText("Optionen");
   await page.locator('.tabs a[href="#/live"]').click();

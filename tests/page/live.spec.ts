@@ -88,7 +88,7 @@ test("every button and link of a phone is as big as a finger", async ({ open, pa
         .filter(({ box }) => box.height < 43.5 || box.width < 40)
         .map(({ text, box }) => `${text}: ${box.width.toFixed(0)} x ${box.height.toFixed(0)}`),
     );
-    expect(small, view).toEqual([]);
+    expect.soft(small, view).toEqual([]);
   }
 });
 
