@@ -76,9 +76,10 @@ impl Outputs {
             if let Some(writer) = &self.shots_out {
                 writer.send(message::from_shot(shot, self.n_shots))?;
             }
+            let shot_idx = self.n_shots;
             self.n_shots += 1;
             if self.is_live || self.texts_out.is_some() {
-                let text = shots_json::text_from_shot(shot);
+                let text = shots_json::text_from_shot(shot, shot_idx);
                 if let Some(writer) = &self.texts_out {
                     writer.send(&text)?;
                 }
