@@ -96,7 +96,7 @@ const balls = [];
 let turn = 0, is_stopped = false, drill = { running: false, name: null, is_correcting: true,
   ball: 0, balls: null, target: null, said: null };
 let job = null;
-const said = [];
+const said = ["mock: started"];
 
 function shoot(session_id, at_ms) {
   const list = drills.get(drill.name ?? "five corners")?.targets ?? drills.get("five corners").targets;

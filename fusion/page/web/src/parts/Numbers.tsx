@@ -60,7 +60,9 @@ export function Numbers(props: { row: ShotRow }) {
         sigma={null}
         unit=""
         extra={orNull(row.azimuth_deg, (v) =>
-          t(v < 0 ? "live.toLeft" : "live.toRight", { deg: Math.abs(v).toFixed(1) }),
+          Math.abs(v) < 0.05
+            ? t("live.straight")
+            : t(v < 0 ? "live.toLeft" : "live.toRight", { deg: Math.abs(v).toFixed(1) }),
         )}
       />
     </dl>

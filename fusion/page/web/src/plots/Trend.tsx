@@ -78,9 +78,9 @@ function Dots(props: { series: Series; scale: Scale }) {
         if (value === null) return null;
         const [x, y] = [scale.x(i), scale.y(value)];
         return series.shape === "circle" ? (
-          <circle key={i} class="spot" cx={x} cy={y} r={3.2} />
+          <circle key={i} class="spot" cx={x} cy={y} r={4} />
         ) : (
-          <rect key={i} class="spot" x={x - 2.9} y={y - 2.9} width={5.8} height={5.8} />
+          <rect key={i} class="spot" x={x - 3.5} y={y - 3.5} width={7} height={7} />
         );
       })}
     </g>

@@ -66,7 +66,7 @@ function Choice(props: { id: number | null }) {
   };
   return (
     <div class="bar">
-      <label class="field">
+      <label class="field wide-name">
         {t("session.which")}
         <select value={id ?? ""} onChange={pick(chosen)}>
           {sessions.value.map((one) => (
@@ -76,7 +76,7 @@ function Choice(props: { id: number | null }) {
           ))}
         </select>
       </label>
-      <label class="field">
+      <label class="field wide-name">
         {t("session.compare")}
         <select value={other.value ?? ""} onChange={pick(other)}>
           <option value="">{t("session.nothing")}</option>
