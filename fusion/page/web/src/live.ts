@@ -29,6 +29,8 @@ async function fetchMissed(): Promise<void> {
     const answer = await get<{ balls: ShotRow[]; next: number | null }>(
       `/balls?limit=${PAGE}${before}`,
     );
+    // What this page knows must be there still; else it is another history (a new data folder).
+    if (page === 0 && known_id !== null && (answer.balls[0]?.id ?? 0) < known_id) store.forget();
     store.takeRows(answer.balls);
     if (!isMissingBefore(answer.balls, known_id, answer.next)) break;
     before = `&before=${answer.next}`;
@@ -54,7 +56,6 @@ function take(message: LiveMessage): void {
       return store.takeStatus(message.status);
     case "ball":
     case "correction":
-      performance.mark(`ball-${message.ball.id}`);
       return store.takeBall(message.ball);
     case "drill":
       store.drill.value = message.drill;

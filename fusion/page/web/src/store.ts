@@ -47,6 +47,12 @@ export function takeBall(ball: Ball): void {
   flights.value = older ? [...kept, older] : kept;
 }
 
+export function forget(): void {
+  rows.value = [];
+  flights.value = [];
+  chosen.value = null;
+}
+
 export function takeStatus(news: Status): void {
   status.value = news;
   drill.value = news.drill;

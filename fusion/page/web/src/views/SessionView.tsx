@@ -103,6 +103,9 @@ function Choice(props: { id: number | null }) {
           <a class="button" href={address(`/sessions/${id}/session.json`)} download>
             JSON
           </a>
+          <a class="button" href="#/setup" aria-label={t("session.mcap")}>
+            MCAP
+          </a>
         </>
       )}
       <Doing do={begin}>{t("session.begin")}</Doing>

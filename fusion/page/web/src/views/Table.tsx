@@ -7,7 +7,7 @@ import { spinWay } from "../pure/miss";
 import { speedText } from "../pure/units";
 import { unit } from "../settings";
 import { chosen, go, newest } from "../store";
-import { dayText, named, t } from "../words";
+import { dayText, named, t, timeText } from "../words";
 
 const PAGE = 25;
 const OUTCOMES = ["measured", "no bounce seen", "one camera", "too few points", "no court"];
@@ -139,7 +139,7 @@ function Rows(props: { balls: ShotRow[] }) {
                   {row.id}
                 </button>
               </td>
-              <td>{dayText(row.at_ms)}</td>
+              <td title={dayText(row.at_ms)}>{timeText(row.at_ms)}</td>
               <td>{row.target?.name ?? "–"}</td>
               <td>{row.landing_m ? landingText(row) : "–"}</td>
               <td class="number">{row.speed_m_s === null ? "–" : speedText(row.speed_m_s, unit.value)}</td>
