@@ -202,6 +202,8 @@ export interface Status {
   needs_token: boolean;
   n_viewers: number;
   n_lost: number;
+  /** Whether balls are kept: the disk may be full. */
+  history?: { n_lost: number; error: string | null };
 }
 
 export type Order = string;

@@ -25,6 +25,11 @@ export function Live() {
             {watch.value.sentence}
           </p>
         )}
+        {status.value?.history?.error && (
+          <p class="warning" role="alert">
+            {t("live.notKept")} <span lang="en">{status.value.history.error}</span>
+          </p>
+        )}
         {isStopped() && <p class="warning strong">{t("stop.isStopped")}</p>}
         {row ? <Facts row={row} /> : <Empty />}
         <Health />
