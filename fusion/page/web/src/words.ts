@@ -9,11 +9,23 @@ const LANGUAGES: Record<Language, Record<Key, string>> = { en, de };
 
 const words = computed(() => LANGUAGES[language.value]);
 
+const sign = computed(
+  () =>
+    new Intl.NumberFormat(language.value).formatToParts(0.5).find((one) => one.type === "decimal")
+      ?.value ?? ".",
+);
+
+/** A number's text with the language's decimal sign. */
+export function local(text: string): string {
+  return text.replace(/(\d)\.(\d)/g, `$1${sign.value}$2`);
+}
+
 /** `t("drill.ball", { n: 3 })`: what stands in braces is replaced. */
 export function t(key: Key, values?: Record<string, string | number>): string {
   let text = words.value[key];
   for (const [name, value] of Object.entries(values ?? {})) {
-    text = text.replaceAll(`{${name}}`, `${value}`);
+    const is_number = typeof value === "number" || /^[<−-]? ?\d+\.\d+$/.test(value);
+    text = text.replaceAll(`{${name}}`, is_number ? local(`${value}`) : value);
   }
   return text;
 }

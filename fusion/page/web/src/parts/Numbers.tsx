@@ -3,7 +3,7 @@ import type { ShotRow } from "../contract";
 import { missText, spinWay } from "../pure/miss";
 import { sigmaText, speedFrom } from "../pure/units";
 import { unit } from "../settings";
-import { missWords, named, t } from "../words";
+import { local, missWords, named, t } from "../words";
 
 export function Big(props: {
   name: string;
@@ -16,12 +16,12 @@ export function Big(props: {
     <div class="big">
       <dt>{props.name}</dt>
       <dd>
-        <span class="value">{props.value ?? "–"}</span>
+        <span class="value">{local(props.value ?? "–")}</span>
         {props.value !== null && <span class="unit">{props.unit}</span>}
         <span class="sigma">
           {props.value === null
             ? t("live.notSeen")
-            : [props.sigma && `± ${props.sigma}`, props.extra].filter(Boolean).join(" · ")}
+            : [props.sigma && `± ${local(props.sigma)}`, props.extra].filter(Boolean).join(" · ")}
         </span>
       </dd>
     </div>

@@ -28,12 +28,19 @@ export const RADII_M = { far: { ball: 0.055, old: 0.03 }, near: { ball: 0.006, o
 /** Painted things lie a little above each other, or they would flicker. */
 const LAYER_M = 0.004;
 
-function flat(width_m: number, length_m: number, colour: string, z_m: number, at: Xy) {
+/**
+ * Nothing is ever below the ground, so it is painted first, layer by layer, without a look at
+ * depths: at thirty metres those of two layers are the same number.
+ */
+const GROUND = { depthTest: false, depthWrite: false };
+
+function flat(width_m: number, length_m: number, colour: string, layer: number, at: Xy) {
   const mesh = new three.Mesh(
     new three.PlaneGeometry(width_m, length_m),
-    new three.MeshBasicMaterial({ color: colour }),
+    new three.MeshBasicMaterial({ color: colour, ...GROUND }),
   );
-  mesh.position.set(at[0], at[1], z_m);
+  mesh.renderOrder = -10 + layer;
+  mesh.position.set(at[0], at[1], layer * LAYER_M);
   return mesh;
 }
 
@@ -41,7 +48,7 @@ function painted(a: Xy, b: Xy, colour: string) {
   const [dx, dy] = [b[0] - a[0], b[1] - a[1]];
   const mid: Xy = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
   const length_m = Math.hypot(dx, dy) + LINE_WIDTH_M;
-  const line = flat(LINE_WIDTH_M, length_m, colour, 2 * LAYER_M, mid);
+  const line = flat(LINE_WIDTH_M, length_m, colour, 2, mid);
   line.rotation.z = Math.atan2(dy, dx) - Math.PI / 2;
   return line;
 }
@@ -55,7 +62,8 @@ function surroundings(palette: Palette) {
   const [middle, rim] = [new three.Color(palette.around), new three.Color(palette.air)];
   const colours = Array.from({ length: n }, (_, i) => (i === 0 ? middle : rim).toArray()).flat();
   geometry.setAttribute("color", new three.Float32BufferAttribute(colours, 3));
-  const mesh = new three.Mesh(geometry, new three.MeshBasicMaterial({ vertexColors: true }));
+  const mesh = new three.Mesh(geometry, new three.MeshBasicMaterial({ vertexColors: true, ...GROUND }));
+  mesh.renderOrder = -11;
   mesh.position.set(0, 12, -0.02);
   return mesh;
 }
@@ -108,10 +116,10 @@ export function courtFrom(court: Court, palette: Palette): three.Group {
   const length_m = 2 * court.net.y_m;
   const mid: Xy = [0, court.net.y_m];
   group.add(surroundings(palette), flat(19, length_m + 13, palette.outside, 0, mid));
-  group.add(flat(10.97, length_m, palette.inside, LAYER_M, mid));
+  group.add(flat(10.97, length_m, palette.inside, 1, mid));
   for (const [a, b] of court.lines_m) group.add(painted(a, b, palette.line));
   const [post, other] = court.net.posts_x_m;
-  group.add(flat(other - post, 0.1, palette.net, 3 * LAYER_M, [(post + other) / 2, court.net.y_m]));
+  group.add(flat(other - post, 0.1, palette.net, 3, [(post + other) / 2, court.net.y_m]));
   group.add(net(court, palette));
   if (court.launcher_m) {
     const [x, y, z] = court.launcher_m;

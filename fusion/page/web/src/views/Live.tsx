@@ -6,7 +6,7 @@ import { Stage } from "../parts/Stage";
 import { speedText } from "../pure/units";
 import { language, unit } from "../settings";
 import { chosen, fetchFlight, newest, rows, shown, shownBall, status, watch } from "../store";
-import { named, t, timeText } from "../words";
+import { local, named, t, timeText } from "../words";
 
 const STRIP = 12;
 
@@ -106,7 +106,7 @@ function Strip() {
               onClick={() => (chosen.value = row.id === newest.value?.id ? null : row)}
             >
               <span class={`dot ${is_in === null ? "none" : is_in ? "in" : "out"}`} />
-              {row.speed_m_s === null ? "–" : speedText(row.speed_m_s, unit.value)}
+              {row.speed_m_s === null ? "–" : local(speedText(row.speed_m_s, unit.value))}
             </button>
           </li>
         );
@@ -122,7 +122,7 @@ export function Announcer() {
     ? [
         row.target ? t("live.for", { name: row.target.name }) : t("live.ball"),
         landingText(row),
-        row.speed_m_s === null ? null : `${speedText(row.speed_m_s, unit.value)} ${unit.value}`,
+        row.speed_m_s === null ? null : `${local(speedText(row.speed_m_s, unit.value))} ${unit.value}`,
         row.outcome === "measured" ? null : named("outcome", row.outcome),
       ]
         .filter(Boolean)

@@ -7,7 +7,7 @@ import { spinWay } from "../pure/miss";
 import { speedText } from "../pure/units";
 import { unit } from "../settings";
 import { chosen, go, newest } from "../store";
-import { dayText, named, t, timeText } from "../words";
+import { dayText, local, named, t, timeText } from "../words";
 
 const PAGE = 25;
 const OUTCOMES = ["measured", "no bounce seen", "one camera", "too few points", "no court"];
@@ -142,7 +142,7 @@ function Rows(props: { balls: ShotRow[] }) {
               <td title={dayText(row.at_ms)}>{timeText(row.at_ms)}</td>
               <td>{row.target?.name ?? "–"}</td>
               <td>{row.landing_m ? landingText(row) : "–"}</td>
-              <td class="number">{row.speed_m_s === null ? "–" : speedText(row.speed_m_s, unit.value)}</td>
+              <td class="number">{row.speed_m_s === null ? "–" : local(speedText(row.speed_m_s, unit.value))}</td>
               <td class="number">
                 {row.spin_rpm === null
                   ? "–"
