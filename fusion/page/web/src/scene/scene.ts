@@ -243,7 +243,8 @@ export class Scene {
       this.frame = 0;
       this.steps = this.steps.filter((step) => step(now));
       this.renderer.render(this.scene, this.camera);
-      this.canvas.dataset["drawn"] = `${this.shown_id ?? "court"}`;
+      const is_done = this.steps.length === 0;
+      this.canvas.dataset["drawn"] = is_done ? `${this.shown_id ?? "court"}` : "moving";
       if (this.steps.length > 0) this.ask();
     });
   }
