@@ -1,24 +1,16 @@
 // Twenty viewers beside each other must not delay a shot. Beside `demo`, where frames come as they
 // would from boards: from the ball's bounce (stamped by the camera) to a viewer that has the shot.
-import { readFileSync } from "node:fs";
+// The simulated cameras' clock begins anywhere, so delays are told above that of the quickest shot.
 import WebSocket from "ws";
 import { expect, test, type Ball } from "./world";
 
 const DEMO = process.env["DEMO_URL"] ?? "";
 const N_VIEWERS = 20;
+/** A twentieth of the 200 ms in which a shot is to be seen, and about a frame at 90 a second. */
+const FRAME_MS = 10;
 const N_SHOTS = Number(process.env["LATENCY_SHOTS"] ?? 12);
 
 test.skip(DEMO === "", "DEMO_URL names no page of a demo");
-
-/** Stamps are on CLOCK_BOOTTIME, which Node reads from /proc only. */
-const bootMinusOwnNs = (() => {
-  const guesses = Array.from({ length: 2000 }, () => {
-    const boot_s = Number(readFileSync("/proc/uptime", "utf8").split(" ")[0]);
-    return boot_s * 1e9 - Number(process.hrtime.bigint());
-  });
-  // /proc tells hundredths, cut off: the largest difference is nearest to the truth.
-  return Math.max(...guesses);
-})();
 
 class Viewer {
   readonly delays_ms: number[] = [];
@@ -28,7 +20,7 @@ class Viewer {
   constructor(url: string) {
     this.socket = new WebSocket(url);
     this.socket.on("message", (data) => {
-      const now_ns = Number(process.hrtime.bigint()) + bootMinusOwnNs;
+      const now_ns = Number(process.hrtime.bigint());
       const text = data.toString();
       if (!text.startsWith('{"type":"ball"')) {
         const { type } = JSON.parse(text) as { type: string };
@@ -72,9 +64,16 @@ test("a shot is as soon with twenty viewers as with one", async () => {
   };
   const alone = await measured(1);
   const among = await measured(1 + N_VIEWERS);
-  const told = (values: number[]) =>
-    `p50 ${part(values, 0.5).toFixed(1)} ms, worst ${Math.max(...values).toFixed(1)} ms of ${values.length}`;
-  console.log(`bounce to viewer: alone ${told(alone)}; among ${N_VIEWERS + 1} ${told(among)}`);
-  expect(part(alone, 0.5)).toBeGreaterThan(0);
-  expect(part(among, 0.5), "less than 200 ms after the bounce").toBeLessThan(200);
+  const quickest = Math.min(...alone, ...among);
+  const told = (values: number[]) => {
+    const later = values.map((one) => one - quickest);
+    const [p50, p90] = [part(later, 0.5), part(later, 0.9)].map((one) => one.toFixed(1));
+    return `p50 ${p50} ms, p90 ${p90} ms of ${values.length} shots`;
+  };
+  const more_ms = part(among, 0.5) - part(alone, 0.5);
+  console.log(
+    `bounce to viewer, above the quickest: alone ${told(alone)}; ` +
+      `among ${N_VIEWERS + 1} ${told(among)}; the median moved by ${more_ms.toFixed(1)} ms`,
+  );
+  expect(more_ms, "the median must not move by more than a frame").toBeLessThan(FRAME_MS);
 });
