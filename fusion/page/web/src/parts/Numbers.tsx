@@ -74,7 +74,8 @@ export function landingText(row: ShotRow): string {
   if (row.miss_m) return missText(row.miss_m, missWords.value);
   if (row.landing_m) {
     const [x, y] = row.landing_m;
-    return t("live.landed", { x: x.toFixed(2), y: y.toFixed(2) });
+    const key = x < 0 ? "live.landedLeft" : "live.landedRight";
+    return t(key, { x: Math.abs(x).toFixed(2), y: y.toFixed(2) });
   }
   return named("outcome", row.outcome);
 }
