@@ -8,7 +8,8 @@ use fusion::world::air;
 use fusion::world::ball::Physics;
 use page::api::{self, Hall};
 use page::desk::{Desk, World};
-use page::drill::DrillHandle;
+use page::drill::{self, DrillHandle};
+use page::drills::Drills;
 use page::guard::{Guard, token_of};
 use page::heard::{self, Out};
 use page::history::History;
@@ -77,7 +78,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         world_from(flags)?,
         history,
         heard::Spots::default(),
-        DrillHandle::default(),
+        DrillHandle::new(Drills::open(&data.join("drills"))?),
         Setup::default(),
     )?);
     let n_dropped = Arc::clone(&desk.n_dropped);
@@ -85,6 +86,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     let domain = Domain::new(&flags.court, Place::Fusion)?;
     std::thread::scope(|scope| {
         let listening = scope.spawn(|| heard::listen(&domain, &out, stop));
+        let commanding = scope.spawn(|| drill::command(&domain, &desk, stop));
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
@@ -99,9 +101,11 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
                 })
             };
             let served = serve(flags, &desk, token, stop).await;
+            desk.drill.close();
             taking_in.abort(); // who sends news sees that nobody listens, and ends
             served
         });
+        drop(commanding.join()); // it tells itself how it ended
         let listened = listening.join().map_err(|_| anyhow::anyhow!("the listener panicked"))?;
         listened.context("shared memory")?;
         served

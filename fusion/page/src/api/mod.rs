@@ -1,6 +1,7 @@
 //! The routes, each with its OpenAPI; what cannot be done is a status and a [`Problem`].
 
 mod balls;
+mod drill;
 mod files;
 mod live;
 mod sessions;
@@ -158,6 +159,7 @@ pub fn router(hall: Hall) -> Router {
                 .routes(routes!(court))
                 .merge(balls::routes())
                 .merge(sessions::routes())
+                .merge(drill::routes())
                 .merge(live::routes()),
         )
         .split_for_parts();
