@@ -165,7 +165,7 @@ function summary(rows) {
 
 function sessionFrom(one) {
   const of = balls.filter((ball) => ball.session_id === one.id);
-  const names = [...new Set(of.map((ball) => ball.target.name))];
+  const names = [...new Set(of.filter((ball) => ball.miss_m).map((ball) => ball.target.name))];
   return { ...sessionRow(one),
     targets: names.map((name) => summary(of.filter((b) => b.target.name === name && b.miss_m))),
     trend: of.map((ball) => ({ shot_id: ball.id, at_ms: ball.at_ms, miss_m: ball.miss_m,
