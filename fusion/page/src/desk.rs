@@ -8,11 +8,9 @@ use crate::ball::{self, Told};
 use crate::drill::DrillHandle;
 use crate::heard::{News, Spots};
 use crate::history::{Change, History};
+use crate::parts;
 use crate::setup::Setup;
-use crate::views::{
-    Ball, Board, DrillState, Job, Limits, MachineState, Push, SessionRow, Status, Target, Watch,
-    Xyz,
-};
+use crate::views::{Ball, DrillState, Job, Push, SessionRow, Status, Target, Watch, Xyz};
 use fusion::Rig;
 use fusion::aim::Machine;
 use fusion::reference::{Commanded, Reference};
@@ -21,8 +19,7 @@ use fusion::world::ball::{DRAG_COEFFICIENT, Physics};
 use fusion::world::rebound::HARD_COURT;
 use nalgebra::Vector2;
 use shm_layout::launcher::NONE;
-use shm_layout::stamp::{OWN_CLOCK, now_ns};
-use shm_layout::{Camera, LauncherAnswer, LauncherCommand, Link, StampNs};
+use shm_layout::{Camera, LauncherAnswer, LauncherCommand, Link};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -33,8 +30,6 @@ use tokio::sync::broadcast;
 const MAX_WAITING: usize = 64;
 /// Commands and balls whose correction may still come.
 const MAX_RECENT: usize = 64;
-/// A board is silent after so long.
-const SILENT_AFTER_NS: StampNs = 2_000_000_000;
 /// The zone of a target that somebody else named.
 const ZONE_RADIUS_M: f64 = 1.0;
 /// Points of a reference trajectory.
@@ -171,6 +166,7 @@ impl Desk {
         match news {
             News::Shot(text) => self.update_shot(&text),
             News::Correction(text) => self.update_correction(&text),
+            News::Watch(text) => self.update_watch(&text),
             News::Command(command) => self.update_command(&command),
             News::Answer(answer) => self.locked().answer = Some(answer),
             News::Link(link) => {
@@ -230,6 +226,18 @@ impl Desk {
         self.history.write(Change::Ball(Box::new(ball)));
     }
 
+    fn update_watch(&self, text: &str) {
+        let alarm: serde_json::Value = serde_json::from_str(text).unwrap_or_default();
+        let Some(sentence) = alarm["sentence"].as_str().map(str::to_owned) else {
+            tracing::warn!(text, "a text of watch-json is left out");
+            self.locked().n_lost += 1;
+            return;
+        };
+        let watch = Watch { sentence, at_ms: now_ms() };
+        self.locked().watch = Some(watch.clone());
+        self.push(&Push::Watch { watch });
+    }
+
     fn update_command(&self, command: &LauncherCommand) {
         let settings = command.settings.to_array();
         let reference_m = self.reference_m(settings);
@@ -258,11 +266,8 @@ impl Desk {
                 return;
             }
         };
-        let watch = (told.view.reason == "untrusted")
-            .then(|| Watch { sentence: told.view.sentence.clone(), at_ms: now_ms() });
         let mut state = self.locked();
         let state = &mut *state;
-        state.watch = watch;
         let ball = self.told_ball(state, &told);
         if let (Some(name), Some(landing_m)) = (&told.view.target, told.wanted_landing_m) {
             let named = told.wanted_idx.and_then(|wanted_idx| self.drill.target(wanted_idx));
@@ -337,8 +342,10 @@ impl Desk {
             version: env!("CARGO_PKG_VERSION"),
             now_ms: now_ms(),
             fusion: if state.is_fusion_alive { "alive" } else { "silent" },
-            boards: Camera::BOTH.map(|camera| board(&state, camera)),
-            machine: state.answer.as_ref().map(machine_state),
+            boards: Camera::BOTH.map(|camera| {
+                parts::board(camera, state.links[camera.idx()], state.flow[camera.idx()])
+            }),
+            machine: state.answer.as_ref().map(parts::machine),
             drill: state.drill.clone(),
             session: state.session.clone(),
             watch: state.watch.clone(),
@@ -368,43 +375,4 @@ fn begun(state: &mut State, name: Option<String>) -> SessionRow {
     };
     state.session = Some(row.clone());
     row
-}
-
-fn board(state: &State, camera: Camera) -> Board {
-    let link = state.links[camera.idx()];
-    let flow = state.flow[camera.idx()];
-    let has_frames = flow.is_some_and(|[n_frames, _]| n_frames > 0);
-    let is_linked = link.is_some_and(|link| {
-        link.is_alive == 1 && now_ns().saturating_sub(link.noted_ns) < SILENT_AFTER_NS
-    });
-    let heard_ns = link.map(|link| link.noted_ns);
-    Board {
-        camera: camera.name(),
-        state: match (has_frames || is_linked, link.is_some()) {
-            (true, _) => "alive",
-            (false, true) => "silent",
-            (false, false) => "never seen",
-        },
-        heard_age_ms: heard_ns.map(|ns| now_ns().saturating_sub(ns).max(0) / 1_000_000),
-        clock_sigma_ms: link
-            .filter(|link| link.clock_sigma_ns != OWN_CLOCK)
-            .map(|link| f64::from(link.clock_sigma_ns) * 1e-6),
-        n_batches: link.map_or(0, |link| link.n_batches),
-        n_lost: link.map_or(0, |link| link.n_lost),
-        frames_s: flow.map(|[n_frames, _]| n_frames as f64),
-        candidates_s: flow.map(|[_, n]| n as f64),
-    }
-}
-
-fn machine_state(answer: &LauncherAnswer) -> MachineState {
-    let state = answer.state().map_or("unknown", |state| state.text());
-    MachineState {
-        state: state.to_owned(),
-        heard_age_ms: now_ns().saturating_sub(answer.at_ns).max(0) / 1_000_000,
-        settings: ball::settings_from(&answer.settings),
-        limits: Limits {
-            min: ball::settings_from(&answer.limits.min),
-            max: ball::settings_from(&answer.limits.max),
-        },
-    }
 }

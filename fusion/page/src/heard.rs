@@ -29,6 +29,8 @@ pub enum News {
     Shot(String),
     /// What fusion would tell the machine, as JSON.
     Correction(String),
+    /// A camera has turned, as JSON.
+    Watch(String),
     /// What somebody tells the machine.
     Command(LauncherCommand),
     /// What the machine answers.
@@ -92,6 +94,7 @@ impl Spots {
 struct Readers {
     shots: TextReader,
     corrections: TextReader,
+    watch: TextReader,
     commands: MessageReader<LauncherCommand>,
     answers: MessageReader<LauncherAnswer>,
     links: MessageReader<Link>,
@@ -104,6 +107,7 @@ impl Readers {
         Ok(Self {
             shots: member.shots_json()?.reader()?,
             corrections: member.corrections_json()?.reader()?,
+            watch: member.watch_json()?.reader()?,
             commands: member.launcher_commands()?.reader()?,
             answers: member.launcher_answers()?.reader()?,
             links: member.links()?.reader()?,
@@ -153,6 +157,9 @@ pub fn listen(domain: &Domain, out: &Out, stop: &Stop) -> Result<(), Error> {
         }
         while let Some(text) = readers.corrections.receive()? {
             out.send(News::Correction(text));
+        }
+        while let Some(text) = readers.watch.receive()? {
+            out.send(News::Watch(text));
         }
         while let Some(answer) = readers.answers.receive()? {
             out.send(News::Answer(*answer));

@@ -23,5 +23,6 @@ pub mod figures;
 pub mod guard;
 pub mod heard;
 pub mod history;
+mod parts;
 pub mod setup;
 pub mod views;

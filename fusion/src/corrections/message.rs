@@ -192,12 +192,7 @@ fn expectation(name: Option<&str>, aimed: &Aimed) -> String {
     format!("next: {name}, its mean known to {along_cm:.0} cm along, {across_cm:.0} cm across")
 }
 
-fn text_from(
-    message: &Correction,
-    target: Option<&str>,
-    sentence: &str,
-    air: AirView,
-) -> String {
+fn text_from(message: &Correction, target: Option<&str>, sentence: &str, air: AirView) -> String {
     let idx = |idx: u64| (idx != NONE).then_some(idx);
     let known = |value: f64| value.is_finite().then_some(value);
     let all_known = |pair: [f64; 2]| pair.iter().all(|value| value.is_finite());

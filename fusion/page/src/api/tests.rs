@@ -102,6 +102,16 @@ fn a_shot_that_was_missed_is_counted() {
 }
 
 #[test]
+fn a_turned_camera_is_told_of() {
+    let court = court();
+    assert!(court.get("/api/v1/status").1["watch"].is_null());
+    let sentence = "the left camera has turned by 0.05 degrees";
+    let alarm = serde_json::json!({"schema": "watch/1", "sentence": sentence});
+    court.desk.update(News::Watch(alarm.to_string()));
+    assert_eq!(court.get("/api/v1/status").1["watch"]["sentence"], sentence);
+}
+
+#[test]
 fn what_cannot_be_done_is_refused_in_a_sentence() {
     let court = court();
     let host = ("host", "127.0.0.1:8080");
