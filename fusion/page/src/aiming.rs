@@ -174,14 +174,16 @@ fn view_of(reachable: bool, sentence: Option<String>, solution: Option<&Solution
 pub(crate) mod tests {
     use super::*;
     use fusion::Rig;
+    use fusion::world::ball::Ball;
 
     pub(crate) fn world() -> World {
         let text = include_str!("../../rigs/desk.toml");
         let rig = Rig::from_file_text("desk.toml", text).unwrap();
-        // Of a real ball: the desk's is of clay.
-        let physics = Some(rig.physics());
-        let machine = Some(Machine::of_thesis());
-        World { court: "rose".to_owned(), rig: Some(rig), machine, physics }
+        // The desk's stand-in for gravity and ball is ten times this size.
+        let gravity_m_s2 = nalgebra::Vector3::new(0.0, 0.0, -9.81);
+        let physics = Physics { ball: Ball::default(), gravity_m_s2, ..rig.physics() };
+        let (rig, machine) = (Some(rig), Some(Machine::of_thesis()));
+        World { court: "rose".to_owned(), rig, machine, physics: Some(physics) }
     }
 
     fn target(y_m: f64, speed_m_s: Option<f64>) -> Target {
