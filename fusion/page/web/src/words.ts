@@ -46,7 +46,7 @@ export const missWords = computed(() => ({
 
 const times = computed(() => new Intl.DateTimeFormat(language.value, { timeStyle: "medium" }));
 const days = computed(
-  () => new Intl.DateTimeFormat(language.value, { dateStyle: "medium", timeStyle: "short" }),
+  () => new Intl.DateTimeFormat(language.value, { dateStyle: "short", timeStyle: "short" }),
 );
 
 export function timeText(at_ms: number): string {
