@@ -121,7 +121,8 @@ async fn serve(flags: &Flags, desk: &Arc<Desk>, token: String, stop: &Stop) -> a
     writeln!(std::io::stdout(), "http://{address}/#token={}", guard.token()).context("stdout")?;
     if !address.ip().is_loopback() {
         eprintln!(
-            "page: everyone in this network may watch; only this address's token may change anything"
+            "page: everyone in this network may watch; to change anything takes the token of this \
+             address"
         );
     }
     let router = api::router(Hall { desk: Arc::clone(desk), guard: Arc::new(guard) });

@@ -247,3 +247,6 @@ async fn resume(State(hall): State<Hall>, headers: HeaderMap) -> Answer<Json<Don
     hall.desk.drill.order(Order::Resume).await?;
     Ok(Json(Done {}))
 }
+
+#[cfg(test)]
+mod tests;
