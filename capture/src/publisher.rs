@@ -3,8 +3,9 @@
 //! The simulator publishes through this too: what pretends to be a camera comes in by this door.
 
 use crate::Error;
+use shm_layout::dev_shm;
 use shm_layout::ports::{FrameService, FrameWriter, MessageService, MessageWriter};
-use shm_layout::services::{self, Member};
+use shm_layout::services::Member;
 use shm_layout::stamp::{OWN_CLOCK, now_ns};
 use shm_layout::{Camera, FrameInfo, StampNs};
 use std::time::{Duration, Instant};
@@ -46,7 +47,7 @@ impl Publisher {
         camera: Camera,
         (width_px, height_px): (u32, u32),
     ) -> Result<Self, Error> {
-        services::check_shm_holds_frames(width_px, height_px)?;
+        dev_shm::check_holds_frames(width_px, height_px)?;
         let (frames, infos) = (member.frames()?, member.frames_info()?);
         let frame_writer = frames.writer(width_px as usize * height_px as usize)?;
         let info_writer = infos.writer()?;

@@ -34,10 +34,19 @@ pub fn text_from(
     serde_json::to_string_pretty(&document).expect("the views have text keys and plain values")
 }
 
-/// One shot alone, on one line: what is published as it happens.
+/// One shot alone, on one line, with its number since fusion started: what is published as it
+/// happens.
 #[must_use]
-pub fn text_from_shot(shot: &Shot) -> String {
-    serde_json::to_string(&ShotView::from(shot)).expect("the view has text keys and plain values")
+pub fn text_from_shot(shot: &Shot, shot_idx: u64) -> String {
+    let view = LiveView { shot_idx, shot: shot.into() };
+    serde_json::to_string(&view).expect("the view has text keys and plain values")
+}
+
+#[derive(Serialize)]
+struct LiveView {
+    shot_idx: u64,
+    #[serde(flatten)]
+    shot: ShotView,
 }
 
 #[derive(Serialize)]
@@ -274,7 +283,7 @@ mod tests {
             spin: Some(Spin { backspin_rad_s: -std::f64::consts::TAU, sigma_rad_s: 0.5 }),
         };
         let shot = Shot { launch: Some(launch), ..empty_shot() };
-        let value: Value = serde_json::from_str(&text_from_shot(&shot)).unwrap();
+        let value: Value = serde_json::from_str(&text_from_shot(&shot, 7)).unwrap();
         let launch = &value["launch"];
         assert_eq!(launch["speed_m_s"], 5.0);
         assert_eq!(launch["elevation_deg"], 0.1_f64.to_degrees());

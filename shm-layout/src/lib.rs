@@ -12,6 +12,7 @@
 pub mod candidates;
 pub mod commands;
 pub mod correction;
+pub mod dev_shm;
 pub mod frame;
 pub mod launcher;
 pub mod link;

@@ -5,14 +5,15 @@
 //! boards and tests that run at the same time never meet.
 
 use crate::commands::CommandService;
-use crate::ports::{FrameService, MessageService};
+use crate::dev_shm::names_in_shm;
+use crate::ports::{FrameService, Message, MessageService};
 use crate::table::{
     self, CANDIDATES, COMMANDS, FRAMES, FRAMES_INFO, LINKS, Row, SHOTS, SHOTS_JSON, TAKEN,
 };
 use crate::text::TextService;
 use crate::{
-    Camera, Correction, FrameInfo, LauncherAnswer, LauncherCommand, Link, MAX_SIDE_PX, Shot,
-    StripCandidates, Taken, Wanted,
+    Camera, Correction, FrameInfo, LauncherAnswer, LauncherCommand, Link, Shot, StripCandidates,
+    Taken, Wanted,
 };
 use iceoryx2::node::NodeView as _;
 use iceoryx2::prelude::{
@@ -222,6 +223,14 @@ pub struct Member {
 }
 
 impl Member {
+    fn messages<T: Message>(&self, row: Row) -> Result<MessageService<T>, Error> {
+        MessageService::open(&self.node, &name_of(row)?, row)
+    }
+
+    fn texts(&self, row: Row) -> Result<TextService, Error> {
+        TextService::open(&self.node, &name_of(row)?, row)
+    }
+
     /// The pixels of this board's camera.
     ///
     /// # Errors
@@ -235,7 +244,7 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn frames_info(&self) -> Result<MessageService<FrameInfo>, Error> {
-        MessageService::open(&self.node, &name_of(FRAMES_INFO)?, FRAMES_INFO)
+        self.messages(FRAMES_INFO)
     }
 
     /// What the workers found.
@@ -243,7 +252,7 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn candidates(&self) -> Result<MessageService<StripCandidates>, Error> {
-        MessageService::open(&self.node, &name_of(CANDIDATES)?, CANDIDATES)
+        self.messages(CANDIDATES)
     }
 
     /// What the board is to do.
@@ -259,7 +268,7 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn shots(&self) -> Result<MessageService<Shot>, Error> {
-        MessageService::open(&self.node, &name_of(SHOTS)?, SHOTS)
+        self.messages(SHOTS)
     }
 
     /// The measured shots as JSON.
@@ -267,7 +276,7 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn shots_json(&self) -> Result<TextService, Error> {
-        TextService::open(&self.node, &name_of(SHOTS_JSON)?, SHOTS_JSON)
+        self.texts(SHOTS_JSON)
     }
 
     /// How far fusion has come.
@@ -275,7 +284,7 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn taken(&self) -> Result<MessageService<Taken>, Error> {
-        MessageService::open(&self.node, &name_of(TAKEN)?, TAKEN)
+        self.messages(TAKEN)
     }
 
     /// How the boards' links are.
@@ -283,7 +292,7 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn links(&self) -> Result<MessageService<Link>, Error> {
-        MessageService::open(&self.node, &name_of(LINKS)?, LINKS)
+        self.messages(LINKS)
     }
 
     /// What the next ball should be.
@@ -291,7 +300,7 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn wanted(&self) -> Result<MessageService<Wanted>, Error> {
-        MessageService::open(&self.node, &name_of(table::WANTED)?, table::WANTED)
+        self.messages(table::WANTED)
     }
 
     /// What fusion would tell the machine.
@@ -299,7 +308,7 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn corrections(&self) -> Result<MessageService<Correction>, Error> {
-        MessageService::open(&self.node, &name_of(table::CORRECTIONS)?, table::CORRECTIONS)
+        self.messages(table::CORRECTIONS)
     }
 
     /// The same as JSON.
@@ -307,7 +316,15 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn corrections_json(&self) -> Result<TextService, Error> {
-        TextService::open(&self.node, &name_of(table::CORRECTIONS_JSON)?, table::CORRECTIONS_JSON)
+        self.texts(table::CORRECTIONS_JSON)
+    }
+
+    /// Cameras that have turned, as JSON.
+    ///
+    /// # Errors
+    /// When the service cannot be opened.
+    pub fn watch_json(&self) -> Result<TextService, Error> {
+        self.texts(table::WATCH_JSON)
     }
 
     /// What the launcher is told.
@@ -315,11 +332,7 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn launcher_commands(&self) -> Result<MessageService<LauncherCommand>, Error> {
-        MessageService::open(
-            &self.node,
-            &name_of(table::LAUNCHER_COMMANDS)?,
-            table::LAUNCHER_COMMANDS,
-        )
+        self.messages(table::LAUNCHER_COMMANDS)
     }
 
     /// What the launcher answers.
@@ -327,48 +340,8 @@ impl Member {
     /// # Errors
     /// When the service cannot be opened.
     pub fn launcher_answers(&self) -> Result<MessageService<LauncherAnswer>, Error> {
-        MessageService::open(
-            &self.node,
-            &name_of(table::LAUNCHER_ANSWERS)?,
-            table::LAUNCHER_ANSWERS,
-        )
+        self.messages(table::LAUNCHER_ANSWERS)
     }
-}
-
-/// Refuses to start on a /dev/shm that could run full: memory there is handed out when it is
-/// touched, so creation succeeds and the writer dies of SIGBUS later.
-///
-/// # Errors
-/// [`Error::ShmTooSmall`], with the figures.
-pub fn check_shm_holds_frames(width_px: u32, height_px: u32) -> Result<(), Error> {
-    assert!(width_px <= MAX_SIDE_PX && height_px <= MAX_SIDE_PX, "checked where frames come in");
-    let stat = rustix::fs::statvfs("/dev/shm").map_err(|e| Error::NoShm(e.into()))?;
-    let free_mib = stat.f_bavail.saturating_mul(stat.f_frsize) >> 20;
-    let n_frames = (FRAMES.readers * (FRAMES.depth + FRAMES.held) + 2) as u64;
-    let need_mib = (n_frames * u64::from(width_px) * u64::from(height_px)).div_ceil(1 << 20);
-    if free_mib < need_mib {
-        return Err(Error::ShmTooSmall { free_mib, need_mib, width_px, height_px });
-    }
-    Ok(())
-}
-
-/// Courts that have files in /dev/shm, in no order.
-///
-/// # Errors
-/// When /dev/shm cannot be read.
-pub fn courts_in_shm() -> Result<Vec<String>, Error> {
-    let names = names_in_shm()?;
-    let courts = names.iter().filter_map(|name| name.strip_prefix("tennis_")?.split('_').next());
-    let mut courts: Vec<String> = courts.map(str::to_owned).collect();
-    courts.dedup();
-    Ok(courts)
-}
-
-fn names_in_shm() -> Result<Vec<String>, Error> {
-    let entries = std::fs::read_dir("/dev/shm").map_err(Error::NoShm)?;
-    entries
-        .map(|entry| Ok(entry.map_err(Error::NoShm)?.file_name().to_string_lossy().into_owned()))
-        .collect()
 }
 
 /// Removes a domain's files in a folder, and the folders that only they kept; how many there were.

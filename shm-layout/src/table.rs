@@ -168,6 +168,18 @@ pub const CORRECTIONS_JSON: Row = Row {
     held: 1,
 };
 
+/// Cameras that have turned since the rig was calibrated, as "watch/1" JSON: for the page.
+pub const WATCH_JSON: Row = Row {
+    name: "watch-json",
+    message: "text",
+    bytes: MAX_TEXT_BYTES,
+    rate_hz: 1,
+    writers: 1,
+    readers: 4,
+    depth: 4,
+    held: 1,
+};
+
 /// What the launcher is told, by a controller, a page or (for the network) a bridge. Readers: the
 /// launcher, fusion, the bridge, the page, a recorder.
 pub const LAUNCHER_COMMANDS: Row = Row {
@@ -196,7 +208,7 @@ pub const LAUNCHER_ANSWERS: Row = Row {
 
 /// All services. `frames` and `commands` are on boards only; `taken`, shots and what is between
 /// them and the launcher beside fusion only.
-pub const TABLE: [Row; 13] = [
+pub const TABLE: [Row; 14] = [
     FRAMES,
     FRAMES_INFO,
     CANDIDATES,
@@ -208,6 +220,7 @@ pub const TABLE: [Row; 13] = [
     WANTED,
     CORRECTIONS,
     CORRECTIONS_JSON,
+    WATCH_JSON,
     LAUNCHER_COMMANDS,
     LAUNCHER_ANSWERS,
 ];

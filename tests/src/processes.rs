@@ -7,6 +7,7 @@
 use crate::hosts::Host;
 use launcher::processes::{self, LOOK_EVERY, how_ended, signal};
 use shm_layout::Camera;
+use shm_layout::dev_shm;
 use shm_layout::services::{self, Domain, Place};
 use shm_layout::stop::Stop;
 use std::ffi::OsStr;
@@ -240,7 +241,7 @@ impl Drop for Household {
 /// # Errors
 /// When shared memory cannot be looked at.
 pub fn own_court(what: &str) -> Result<String, Error> {
-    for court in services::courts_in_shm()? {
+    for court in dev_shm::courts()? {
         let number = court.strip_prefix(what).and_then(|rest| rest.strip_prefix('-'));
         let is_gone = |number: &str| !Path::new("/proc").join(number).exists();
         if number.is_some_and(is_gone) {

@@ -28,6 +28,28 @@ struct CorrectionView<'a> {
     expected_covariance_m2: [[Option<f64>; 2]; 2],
     miss_m: Option<[f64; 2]>,
     parts: Vec<PartView>,
+    air: AirView,
+}
+
+/// What is believed of the air now.
+#[derive(Serialize)]
+struct AirView {
+    drag: f64,
+    drag_sigma: f64,
+    wind_m_s: [f64; 2],
+    wind_sigma_m_s: [f64; 2],
+}
+
+impl AirView {
+    /// Drag coefficient and wind, each with its sigma.
+    fn new([drag, wind_x, wind_y]: [[f64; 2]; 3]) -> Self {
+        Self {
+            drag: drag[0],
+            drag_sigma: drag[1],
+            wind_m_s: [wind_x[0], wind_y[0]],
+            wind_sigma_m_s: [wind_x[1], wind_y[1]],
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -119,7 +141,8 @@ impl Corrections {
             message.part_sigmas_m[part.why as usize] = part.sigma_m.into();
         }
         let sentence = words.join("; ");
-        let text = text_from(&message, next.name.as_deref(), &sentence);
+        let air = AirView::new(self.control.air());
+        let text = text_from(&message, next.name.as_deref(), &sentence, air);
         Told { message, text, sentence }
     }
 
@@ -169,7 +192,7 @@ fn expectation(name: Option<&str>, aimed: &Aimed) -> String {
     format!("next: {name}, its mean known to {along_cm:.0} cm along, {across_cm:.0} cm across")
 }
 
-fn text_from(message: &Correction, target: Option<&str>, sentence: &str) -> String {
+fn text_from(message: &Correction, target: Option<&str>, sentence: &str, air: AirView) -> String {
     let idx = |idx: u64| (idx != NONE).then_some(idx);
     let known = |value: f64| value.is_finite().then_some(value);
     let all_known = |pair: [f64; 2]| pair.iter().all(|value| value.is_finite());
@@ -195,6 +218,7 @@ fn text_from(message: &Correction, target: Option<&str>, sentence: &str) -> Stri
             .filter(|(_, (off_m, sigma_m))| all_known(*off_m) && all_known(*sigma_m))
             .map(|(cause, (off_m, sigma_m))| PartView { cause: cause.text(), off_m, sigma_m })
             .collect(),
+        air,
     };
     serde_json::to_string(&view).expect("the view has text keys and plain values")
 }

@@ -2,7 +2,8 @@
 //!
 //! A command is checked as every launcher must ([`LauncherCommand::refusal`]); then the ball flies,
 //! its frames are served until it has bounced and stopped to matter, and the next command is looked
-//! at. The time of the frames goes on only while a ball flies.
+//! at. Frames are served only while a ball flies, as fast as they are taken: their stamps run ahead
+//! of the clock, and never stay behind it.
 
 use std::time::{Duration, Instant};
 
@@ -145,6 +146,7 @@ impl Practice {
         // Its own limits are those it has told of.
         let balls = self.plan.machine.fired(&told, ball_idx, at_s).unwrap_or_default();
         let fault = self.plan.machine.fault(ball_idx);
+        self.served.catch_up(at_s);
         let at_ns = self.served.stamp_ns(at_s);
         if fault == Some(Fault::Jam) {
             self.say(idx, LauncherState::Jammed, Why::Nothing, now_ns())?;

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use shm_layout::ports::{Alarm, MessageReader, MessageWriter};
 use shm_layout::services::{self, Member};
+use shm_layout::stamp::now_ns;
 use shm_layout::stop::Stop;
 use shm_layout::{Camera, FrameInfo, MAX_CANDIDATES, StampNs, StripCandidates, Taken};
 
@@ -76,6 +77,11 @@ impl Served {
         served.before = served.next_taken()?;
         served.now = served.before;
         Ok(served)
+    }
+
+    /// Whoever commands may take his time: what is at `at_s` is not to be before now.
+    pub fn catch_up(&mut self, at_s: f64) {
+        self.begun_ns += (now_ns() - self.stamp_ns(at_s)).max(0);
     }
 
     /// The stamp of a time of the frames.

@@ -48,6 +48,7 @@ pub fn run(
     let member = Domain::new(&flags.court, Place::Fusion)?.join("fusion")?;
     table.outputs.shots_out = Some(member.shots()?.writer()?);
     table.outputs.texts_out = Some(member.shots_json()?.writer()?);
+    table.outputs.watch_out = Some(member.watch_json()?.writer()?);
     let steering = |corrections| Steering::open(corrections, flags.report.clone(), &member);
     table.steering = corrections.map(steering).transpose()?;
     let candidates = member.candidates()?;

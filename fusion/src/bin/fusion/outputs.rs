@@ -28,6 +28,7 @@ pub struct Outputs {
     pub clock: Option<ClockOffset>,
     pub shots_out: Option<MessageWriter<shm_layout::Shot>>,
     pub texts_out: Option<TextWriter>,
+    pub watch_out: Option<TextWriter>,
     candidates: [Option<CsvWriter<BufWriter<File>>>; 2],
 }
 
@@ -56,6 +57,7 @@ impl Outputs {
             clock: None,
             shots_out: None,
             texts_out: None,
+            watch_out: None,
             candidates,
         })
     }
@@ -76,9 +78,10 @@ impl Outputs {
             if let Some(writer) = &self.shots_out {
                 writer.send(message::from_shot(shot, self.n_shots))?;
             }
+            let shot_idx = self.n_shots;
             self.n_shots += 1;
             if self.is_live || self.texts_out.is_some() {
-                let text = shots_json::text_from_shot(shot);
+                let text = shots_json::text_from_shot(shot, shot_idx);
                 if let Some(writer) = &self.texts_out {
                     writer.send(&text)?;
                 }
@@ -97,14 +100,20 @@ impl Outputs {
         Ok(())
     }
 
-    /// A camera that has turned: in words on stderr, and live as a line of JSON too.
-    pub fn tell(&self, alarms: &[Alarm]) {
+    /// A camera that has turned: in words on stderr, live as a line of JSON too, and as a text of
+    /// `watch-json`.
+    pub fn tell(&self, alarms: &[Alarm]) -> anyhow::Result<()> {
         for alarm in alarms {
             eprintln!("fusion: {}", words::sentence(alarm));
+            let text = words::json_from(alarm, self.refines_rig).to_string();
+            if let Some(writer) = &self.watch_out {
+                writer.send(&text)?;
+            }
             if self.is_live {
-                println!("{}", words::json_from(alarm, self.refines_rig));
+                println!("{text}");
             }
         }
+        Ok(())
     }
 
     pub fn finish(self, frames: [Option<FrameCounts>; 2]) -> anyhow::Result<()> {

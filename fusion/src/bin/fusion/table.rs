@@ -48,7 +48,7 @@ impl Table {
                         steering.take_shot(shot, shot_idx)?;
                     }
                 }
-                self.outputs.tell(&alarms);
+                self.outputs.tell(&alarms)?;
             }
         }
         Ok(())
@@ -61,7 +61,7 @@ impl Table {
             let told = shots.last().and_then(|shot| shot.clock);
             self.outputs.clock = told.or(self.outputs.clock);
             self.outputs.write_shots(&shots)?;
-            self.outputs.tell(&fusion.take_alarms());
+            self.outputs.tell(&fusion.take_alarms())?;
             let (dropped, rejected) = (fusion.dropped(), fusion.rejected());
             tracing::info!(?dropped, ?rejected, "fusion ends");
         }
