@@ -169,6 +169,21 @@ pub fn told_from(text: &str) -> Result<Told, Error> {
     })
 }
 
+/// What fusion calls a wish whose name it was not told.
+const WISH: &str = "as wanted";
+
+/// A correction's sentence with the names of the targets that this page wished: of the ball it
+/// follows, and of the next one.
+#[must_use]
+pub fn with_names(sentence: &str, ball: Option<&Target>, next: Option<&Target>) -> String {
+    let name = |target: Option<&Target>| target.map_or(WISH, |target| &target.name).to_owned();
+    let sentence = match sentence.strip_prefix(WISH) {
+        Some(rest) => name(ball) + rest,
+        None => sentence.to_owned(),
+    };
+    sentence.replacen(&format!("next: {WISH}"), &format!("next: {}", name(next)), 1)
+}
+
 /// For people.
 #[must_use]
 pub fn rpm_from_rad_s(spin_rad_s: f64) -> f64 {
@@ -217,6 +232,26 @@ mod tests {
         };
         set_target(&mut ball.row, Some(target));
         assert_eq!(ball.row.miss_m, Some([0.25, -0.75]));
+    }
+
+    #[test]
+    fn a_sentence_names_the_targets_of_this_page() {
+        let target = |name: &str| Target {
+            name: name.to_owned(),
+            landing_m: [0.0, 20.0],
+            zone_radius_m: 1.0,
+            speed_m_s: None,
+            spin_rpm: None,
+            net_height_m: None,
+            apex_m: None,
+        };
+        let [deep, short] = ["deep", "short"].map(target);
+        let told = "as wanted: 9 cm long; next: as wanted, its mean known to 11 cm along";
+        let named = "deep: 9 cm long; next: short, its mean known to 11 cm along";
+        assert_eq!(with_names(told, Some(&deep), Some(&short)), named);
+        assert_eq!(with_names(told, None, None), told);
+        let drill = "middle: 9 cm long: nothing is changed; next: deep, its mean known to 11 cm";
+        assert_eq!(with_names(drill, Some(&short), Some(&short)), drill);
     }
 
     #[test]

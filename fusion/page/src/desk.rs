@@ -258,7 +258,7 @@ impl Desk {
     }
 
     fn update_correction(&self, text: &str) {
-        let told = match ball::told_from(text) {
+        let mut told = match ball::told_from(text) {
             Ok(told) => told,
             Err(why) => {
                 tracing::warn!(%why, "a text of corrections-json is left out");
@@ -268,10 +268,13 @@ impl Desk {
         };
         let mut state = self.locked();
         let state = &mut *state;
-        let ball = self.told_ball(state, &told);
+        let wished = told.wanted_idx.and_then(|wanted_idx| self.drill.target(wanted_idx));
+        let of_drill = told.command_idx.and_then(|command_idx| self.drill.target_of(command_idx));
+        told.view.sentence =
+            ball::with_names(&told.view.sentence, of_drill.as_ref(), wished.as_ref());
+        let ball = told_ball(state, &told, of_drill);
         if let (Some(name), Some(landing_m)) = (&told.view.target, told.wanted_landing_m) {
-            let named = told.wanted_idx.and_then(|wanted_idx| self.drill.target(wanted_idx));
-            let target = named.unwrap_or_else(|| Target {
+            let target = wished.unwrap_or_else(|| Target {
                 name: name.clone(),
                 landing_m,
                 zone_radius_m: ZONE_RADIUS_M,
@@ -286,27 +289,6 @@ impl Desk {
             self.push(&Push::Correction { id: ball.row.id, ball: Box::new(ball.clone()) });
             self.history.write(Change::Ball(Box::new(ball)));
         }
-    }
-
-    /// The ball that a correction follows, with all that is known of it now.
-    fn told_ball(&self, state: &mut State, told: &Told) -> Option<Ball> {
-        let shot_idx = told.shot_idx?;
-        let ordered = told.command_idx.and_then(|command_idx| {
-            state.ordered.iter().find(|ordered| ordered.command_idx == command_idx).cloned()
-        });
-        let of_drill = told.command_idx.and_then(|command_idx| self.drill.target_of(command_idx));
-        let of_correction = ordered.as_ref().and_then(|ordered| {
-            let is_it = |(idx, _): &&(u64, Target)| *idx == ordered.correction_idx;
-            let known = ordered.correction_idx != NONE;
-            state.wanted.iter().find(|one| known && is_it(one)).map(|(_, target)| target.clone())
-        });
-        let (_, ball) = state.recent.iter_mut().find(|(idx, _)| *idx == shot_idx)?;
-        ball::set_target(&mut ball.row, of_drill.or(of_correction));
-        ball.row.miss_m = told.view.miss_m.or(ball.row.miss_m);
-        ball.row.sentence = Some(told.view.sentence.clone());
-        ball.reference_m = ordered.and_then(|ordered| ordered.reference_m);
-        ball.correction = Some(told.view.clone());
-        Some(ball.clone())
     }
 
     /// The drill went on.
@@ -356,6 +338,26 @@ impl Desk {
             history: self.history.state(),
         }
     }
+}
+
+/// The ball that a correction follows, with all that is known of it now.
+fn told_ball(state: &mut State, told: &Told, of_drill: Option<Target>) -> Option<Ball> {
+    let shot_idx = told.shot_idx?;
+    let ordered = told.command_idx.and_then(|command_idx| {
+        state.ordered.iter().find(|ordered| ordered.command_idx == command_idx).cloned()
+    });
+    let of_correction = ordered.as_ref().and_then(|ordered| {
+        let is_it = |(idx, _): &&(u64, Target)| *idx == ordered.correction_idx;
+        let known = ordered.correction_idx != NONE;
+        state.wanted.iter().find(|one| known && is_it(one)).map(|(_, target)| target.clone())
+    });
+    let (_, ball) = state.recent.iter_mut().find(|(idx, _)| *idx == shot_idx)?;
+    ball::set_target(&mut ball.row, of_drill.or(of_correction));
+    ball.row.miss_m = told.view.miss_m.or(ball.row.miss_m);
+    ball.row.sentence = Some(told.view.sentence.clone());
+    ball.reference_m = ordered.and_then(|ordered| ordered.reference_m);
+    ball.correction = Some(told.view.clone());
+    Some(ball.clone())
 }
 
 fn change_of(row: &SessionRow) -> Change {
