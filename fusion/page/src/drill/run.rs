@@ -186,6 +186,9 @@ impl Run {
             Step::Firing { since_ns, .. } => {
                 if now.ns - since_ns > FIRED_WITHIN_NS {
                     self.fail("the machine did not fire within 15 s", now.ns);
+                } else if !now.launcher.is_some_and(|launcher| launcher.is_heard(now.ns)) {
+                    let why = "the ball machine has not been heard for 3 s: its ball is waited for";
+                    self.said = Some(why.to_owned());
                 }
                 Act::Wait
             }

@@ -238,7 +238,10 @@ fn two_failures_in_a_row_end_it() {
         let wanted_idx = silent.wanted();
         silent.correct(wanted_idx, true, settings(21.0));
         silent.command();
-        assert_eq!(silent.after_s(15), Act::Wait);
+        silent.now_ns += 4 * S;
+        assert_eq!(silent.step(), Act::Wait);
+        assert!(silent.said().contains("its ball is waited for"), "{}", silent.said());
+        assert_eq!(silent.after_s(11), Act::Wait);
         silent.now_ns += 1;
         assert_eq!(silent.step(), Act::Wait);
         silent.now_ns += S;
