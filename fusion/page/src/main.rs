@@ -13,7 +13,7 @@ use page::drills::Drills;
 use page::guard::{Guard, token_of};
 use page::heard::{self, Out};
 use page::history::History;
-use page::setup::Setup;
+use page::setup::{self, Setup};
 use shm_layout::services::{Domain, Place, check_court_name};
 use shm_layout::stop::{LOOK_EVERY, Stop};
 use std::io::Write as _;
@@ -50,6 +50,12 @@ struct Flags {
     /// The ball machine, as fusion has it; without it nothing is aimed and no drill runs.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
+    /// Where the bridge beside fusion listens [default: on this machine], for pictures of boards.
+    #[arg(long, value_name = "ENDPOINT")]
+    connect: Option<String>,
+    /// Folder of fusion's keys [default: that of the court in ~/.config/tennis].
+    #[arg(long, value_name = "DIR")]
+    keys: Option<PathBuf>,
     /// Temperature of the air, for its density.
     #[arg(long, value_name = "C", default_value_t = 20.0, allow_hyphen_values = true)]
     temperature_c: f64,
@@ -79,7 +85,13 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         history,
         heard::Spots::default(),
         DrillHandle::new(Drills::open(&data.join("drills"))?),
-        Setup::default(),
+        Setup::new(setup::Place {
+            court: flags.court.clone(),
+            data: data.clone(),
+            rig: flags.rig.clone(),
+            connect: flags.connect.clone(),
+            keys: flags.keys.clone(),
+        }),
     )?);
     let n_dropped = Arc::clone(&desk.n_dropped);
     let out = Out { news, spots: desk.spots.clone(), n_dropped };

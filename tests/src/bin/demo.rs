@@ -7,6 +7,8 @@ use shm_layout::services::{Domain, Place};
 use shm_layout::stop::Stop;
 use shm_layout::{Camera, N_STRIPS_RANGE, Shot};
 use std::ffi::OsString;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
 use std::process::{ExitCode, Stdio};
 use std::time::{Duration, Instant};
 use tests::chain::Chain;
@@ -33,7 +35,16 @@ struct Flags {
     /// Workers of each board.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
     workers: u32,
+    /// A page of it, at this address: what a coach sees.
+    #[arg(long, value_name = "ADDRESS")]
+    page: Option<SocketAddr>,
+    /// Where the page keeps what it keeps [default: a folder that goes with the demo].
+    #[arg(long, value_name = "DIR", requires = "page")]
+    page_data: Option<PathBuf>,
 }
+
+/// The ball machine of the page; in a demo nobody commands it.
+const MACHINE: &str = include_str!("../../../fusion/rigs/machine.toml");
 
 fn main() -> ExitCode {
     match run(&Flags::parse()) {
@@ -69,7 +80,11 @@ fn show(flags: &Flags, court: &str, house: &mut Household, stop: &Stop) -> anyho
     std::fs::write(rig.path(), tests::shot_folder::rig_toml(&scenario))?;
     let member = Domain::new(court, Place::Fusion)?.join("demo")?;
     let shots = member.shots()?.reader()?;
-    start(flags, house, rig.path().as_os_str().to_owned(), n_different)?;
+    let endpoint = start(flags, house, rig.path().as_os_str().to_owned(), n_different)?;
+    let data = tempfile::tempdir().context("cannot make a folder for the page")?;
+    if let Some(address) = flags.page {
+        start_page(flags, address, house, rig.path(), data.path(), &endpoint)?;
+    }
 
     println!("two simulated boards serve a ball every {} s; Ctrl-C ends", options.period_s);
     let mut score = Score::default();
@@ -99,7 +114,7 @@ fn start(
     house: &mut Household,
     rig: OsString,
     n_different: usize,
-) -> Result<(), processes::Error> {
+) -> Result<String, processes::Error> {
     let arguments = ["--rig".into(), rig];
     house.start("fusion", "fusion", &arguments, Until::Stopped, Stdio::null())?;
     let endpoint = free_endpoint()?;
@@ -117,6 +132,39 @@ fn start(
         arguments.extend(["--play-shots", n_played]);
     }
     house.start("simulate", "simulate", &arguments, Until::Done, Stdio::null())?;
+    Ok(chain.endpoint)
+}
+
+/// The page says its address itself, on stdout.
+fn start_page(
+    flags: &Flags,
+    address: SocketAddr,
+    house: &mut Household,
+    rig: &Path,
+    own_data: &Path,
+    endpoint: &str,
+) -> anyhow::Result<()> {
+    // Its own copy: a calibration is written there.
+    let data = flags.page_data.as_deref().unwrap_or(own_data);
+    std::fs::create_dir_all(data).with_context(|| data.display().to_string())?;
+    let (own_rig, machine) = (data.join("rig.toml"), data.join("machine.toml"));
+    std::fs::copy(rig, &own_rig).with_context(|| own_rig.display().to_string())?;
+    std::fs::write(&machine, MACHINE).with_context(|| machine.display().to_string())?;
+    let arguments: [OsString; 12] = [
+        "--listen".into(),
+        address.to_string().into(),
+        "--data".into(),
+        data.into(),
+        "--rig".into(),
+        own_rig.into(),
+        "--machine".into(),
+        machine.into(),
+        "--connect".into(),
+        endpoint.into(),
+        "--keys".into(),
+        data.join("keys").into(),
+    ];
+    house.start("page", "page", &arguments, Until::Stopped, Stdio::inherit())?;
     Ok(())
 }
 

@@ -5,6 +5,7 @@ mod drill;
 mod files;
 mod live;
 mod sessions;
+mod setup;
 
 use crate::desk::Desk;
 use crate::guard::{self, Guard};
@@ -160,6 +161,7 @@ pub fn router(hall: Hall) -> Router {
                 .merge(balls::routes())
                 .merge(sessions::routes())
                 .merge(drill::routes())
+                .merge(setup::routes())
                 .merge(live::routes()),
         )
         .split_for_parts();

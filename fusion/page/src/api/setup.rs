@@ -137,10 +137,7 @@ async fn calibrate(
 /// How a job stands.
 #[utoipa::path(get, path = "/setup/jobs/{id}", params(("id" = u64, Path)), responses(
     (status = 200, body = Job), (status = 400, body = Problem), (status = 404, body = Problem)))]
-async fn job(
-    State(hall): State<Hall>,
-    WithRejection(Path(id), _): Numbered,
-) -> Answer<Json<Job>> {
+async fn job(State(hall): State<Hall>, WithRejection(Path(id), _): Numbered) -> Answer<Json<Job>> {
     let job = hall.desk.setup.jobs.job(id);
     job.map(Json).ok_or_else(|| Refusal::nothing(format!("there is no job {id}")))
 }
@@ -202,7 +199,10 @@ async fn rig(
 ) -> Answer<impl IntoResponse> {
     let text = calibration_file(&hall, id, "rig.toml").await?;
     let disposition = "attachment; filename=\"rig.toml\"";
-    Ok(([(header::CONTENT_TYPE, "application/toml"), (header::CONTENT_DISPOSITION, disposition)], text))
+    Ok((
+        [(header::CONTENT_TYPE, "application/toml"), (header::CONTENT_DISPOSITION, disposition)],
+        text,
+    ))
 }
 
 /// Whose keys are made.
@@ -261,7 +261,8 @@ async fn pair_file(
     let taken = move |desk: &Desk| {
         // Compared with the two there may be, so that no name leads elsewhere.
         let files = Camera::BOTH.map(|camera| jobs::pair_file(desk, camera));
-        let file = files.iter().find(|file| file.file_name().is_some_and(|own| own == name.as_str()));
+        let file =
+            files.iter().find(|file| file.file_name().is_some_and(|own| own == name.as_str()));
         let nothing = || Refusal::nothing(format!("there are no keys {name:?}"));
         let bytes = std::fs::read(file.ok_or_else(nothing)?).map_err(|_| nothing())?;
         std::fs::remove_file(file.ok_or_else(nothing)?).map_err(|_| nothing())?;

@@ -196,7 +196,8 @@ fn calibrate(work: &Work<'_>, focal_px: Option<f64>) -> Result<String, Error> {
             return Err(Error::File(why.to_owned()));
         }
     }
-    for (flag, file) in [("--out", "rig.toml"), ("--picture", "found.png"), ("--json", "report.json")]
+    for (flag, file) in
+        [("--out", "rig.toml"), ("--picture", "found.png"), ("--json", "report.json")]
     {
         arguments.extend([flag.into(), folder.join(file).into()]);
     }

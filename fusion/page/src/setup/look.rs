@@ -35,7 +35,8 @@ impl Setup {
     /// # Errors
     /// When the board gives none.
     pub fn look(&self, camera: Camera) -> Result<Seen, Error> {
-        let file = |why: &dyn std::fmt::Display| Error::File(format!("a picture of {camera}: {why}"));
+        let file =
+            |why: &dyn std::fmt::Display| Error::File(format!("a picture of {camera}: {why}"));
         let folder = self.place.data.join("pictures");
         std::fs::create_dir_all(&folder).map_err(|why| file(&why))?;
         let path = folder.join(format!("{camera}.png"));
@@ -65,7 +66,8 @@ pub fn view(desk: &Desk, camera: Camera, seen: &Seen) -> CameraView {
     let share = |is_it: fn(u8) -> bool| {
         levels.iter().filter(|level| is_it(**level)).count() as f64 / levels.len().max(1) as f64
     };
-    let (saturated_part, dark_part) = (share(|level| level >= WHITE), share(|level| level <= BLACK));
+    let (saturated_part, dark_part) =
+        (share(|level| level >= WHITE), share(|level| level <= BLACK));
     let middle = levels.len() / 2;
     let median_level = if levels.is_empty() { 0 } else { *levels.select_nth_unstable(middle).1 };
     let spots = desk.spots.of(camera).into_iter().map(|spot| SpotView {
