@@ -106,7 +106,8 @@ impl Decider {
                 continue;
             }
             let is_sure = is_over || tracklet.has_bounced();
-            if !is_sure && !(self.tells_early && tracklet.may_be_told_early()) {
+            let is_early = !is_sure && self.tells_early && tracklet.may_be_told_early();
+            if !is_sure && !is_early {
                 continue;
             }
             let (verdict, path) = match self.judged(tracklet, now_ns, history, terms, setup, clock)

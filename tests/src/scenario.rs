@@ -269,7 +269,7 @@ impl Scenario {
         frame_idx as f64 / self.frame_rate_hz + phase_ns as f64 * 1e-9
     }
 
-    /// From the middle of the first row's exposure to the end of the last row's, of the slower camera.
+    /// From the middle of the first row's exposure to the end of the last row's; the longer one.
     pub fn exposed_for_s(&self) -> f64 {
         let ends_s = [&self.rig.left, &self.rig.right]
             .map(|c| c.exposure_s / 2.0 + c.height_px.saturating_sub(1) as f64 * c.row_time_s);

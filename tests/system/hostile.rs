@@ -1,8 +1,8 @@
 //! Files that people outside write, damaged at random: each is read or refused with its name, and
 //! nothing panics, hangs or takes memory without end.
 //!
-//! Valid files are cut, doubled, flipped and filled with what breaks parsers; ChaCha8 makes the same
-//! damage on every machine, and a failure names its seed.
+//! Valid files are cut, doubled, flipped and filled with what breaks parsers; ChaCha8 makes the
+//! same damage on every machine, and a failure names its seed.
 
 use crate::run::simulated;
 use capture::recording::Recording;

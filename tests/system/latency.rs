@@ -1,5 +1,5 @@
-//! The harness itself: that it hears all there is, loses nothing and says so. Times are printed, not
-//! asserted: `latency` measures them.
+//! The harness itself: that it hears all there is, loses nothing and says so. Times are printed,
+//! not asserted: `latency` measures them.
 
 use crate::run::{binary, turn};
 use shm_layout::stop::Stop;

@@ -208,7 +208,8 @@ pub fn settings_from(settings: &shm_layout::launcher::Settings) -> Settings {
 mod tests {
     use super::*;
 
-    const SHOT: &str = r#"{"shot_idx":3,"outcome":"measured","launch":{"t_ns":1,"position_m":[0,0,1],
+    const SHOT: &str = r#"{"shot_idx":3,"outcome":"measured","launch":{"t_ns":1,
+        "position_m":[0,0,1],
         "speed_m_s":24.5,"elevation_deg":7.5,"azimuth_deg":-2.0,"spin_rpm":null,"sigma":{
         "speed_m_s":0.05,"elevation_deg":0.1,"azimuth_deg":0.1,"spin_rpm":null}},"bounce":{"t_ns":2,
         "position_m":[0.5,21.25,0.033],"velocity_in_m_s":[0,1,-2],"velocity_out_m_s":null,

@@ -2,7 +2,7 @@
 //!
 //! Orders come from the page's requests by a bounded channel and are answered at once; a request
 //! never waits for a ball. What is wanted goes to fusion, what it would tell the machine comes
-//! back, and goes to the machine ([`run`] says what when). The desk is told of every change.
+//! back, and goes to the machine (`run` says what when). The desk is told of every change.
 
 mod run;
 

@@ -42,7 +42,7 @@ pub fn svg(report: &Report) -> String {
             continue;
         }
         let took = &stage.took;
-        let ends = [took.p50_ns, took.p90_ns, took.p99_ns, took.p999_ns].map(|ns| x_of_ns(ns));
+        let ends = [took.p50_ns, took.p90_ns, took.p99_ns, took.p999_ns].map(x_of_ns);
         let mut from = LEFT;
         for (to, shade) in ends.into_iter().zip(SHADES) {
             let style = format!("fill:{shade}");

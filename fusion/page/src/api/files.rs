@@ -14,8 +14,9 @@ struct Built;
 
 const NOT_BUILT: &str = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
 <meta name=\"viewport\" content=\"width=device-width\"><title>Tennis court</title>\
-<h1>The page is not built in</h1><p>This program was built without it. To build it: install Node 20 \
-or newer, run <code>scripts/page</code>, then <code>cargo build --release --workspace</code> \
+<h1>The page is not built in</h1><p>This program was built without it. To build it: install \
+Node 20.19 or newer, run <code>scripts/page</code>, then \
+<code>cargo build --release --workspace</code> \
 again.</p><p>What it would show is there all the same: \
 <a href=\"/api/v1/openapi.json\">/api/v1/openapi.json</a>.</p></html>";
 

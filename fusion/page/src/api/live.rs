@@ -24,10 +24,11 @@ pub(super) fn routes() -> OpenApiRouter<Hall> {
     OpenApiRouter::new().routes(routes!(live))
 }
 
-/// A WebSocket: text messages {"type": "status" | "ball" | "correction" | "drill" | "watch" | "job"}.
+/// A WebSocket: texts with "type" status, ball, correction, drill, watch or job.
 #[utoipa::path(get, path = "/live", responses(
     (status = 101, description = "What happens from now on"),
-    (status = 400, body = Problem), (status = 426, body = Problem), (status = 503, body = Problem)))]
+    (status = 400, body = Problem), (status = 426, body = Problem),
+    (status = 503, body = Problem)))]
 async fn live(
     State(hall): State<Hall>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,

@@ -90,7 +90,8 @@ fn whole(desk: &Desk, id: i64) -> Answer<(SessionRow, Vec<Ball>)> {
 
 /// One session with its figures.
 #[utoipa::path(get, path = "/sessions/{id}", params(("id" = i64, Path)), responses(
-    (status = 200, body = Session), (status = 400, body = Problem), (status = 404, body = Problem)))]
+    (status = 200, body = Session), (status = 400, body = Problem),
+    (status = 404, body = Problem)))]
 async fn session(
     State(hall): State<Hall>,
     WithRejection(Path(id), _): WithRejection<Path<i64>, Refusal>,

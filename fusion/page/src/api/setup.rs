@@ -61,7 +61,8 @@ fn camera_from(name: &str) -> Answer<Camera> {
 /// Fetches a new picture from a board.
 #[utoipa::path(post, path = "/cameras/{camera}/look", params(("camera" = String, Path)),
     security(("token" = [])), responses((status = 200, body = CameraView),
-    (status = 400, body = Problem), (status = 401, body = Problem), (status = 409, body = Problem)))]
+    (status = 400, body = Problem), (status = 401, body = Problem),
+    (status = 409, body = Problem)))]
 async fn look_at(
     State(hall): State<Hall>,
     headers: HeaderMap,
@@ -154,7 +155,8 @@ fn calibrated(desk: &Desk, id: u64) -> Answer<()> {
 /// Puts a calibration's rig in the place of the one there is, which is kept.
 #[utoipa::path(post, path = "/setup/calibrations/{id}/use", params(("id" = u64, Path)),
     security(("token" = [])), responses((status = 200, body = Done), (status = 400, body = Problem),
-    (status = 401, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
+    (status = 401, body = Problem), (status = 404, body = Problem),
+    (status = 409, body = Problem)))]
 async fn use_calibration(
     State(hall): State<Hall>,
     headers: HeaderMap,
@@ -250,7 +252,8 @@ async fn pair(
 #[utoipa::path(get, path = "/setup/pair/{file}", params(("file" = String, Path)),
     security(("token" = [])), responses(
     (status = 200, body = Vec<u8>, content_type = "application/octet-stream"),
-    (status = 400, body = Problem), (status = 401, body = Problem), (status = 404, body = Problem)))]
+    (status = 400, body = Problem), (status = 401, body = Problem),
+    (status = 404, body = Problem)))]
 async fn pair_file(
     State(hall): State<Hall>,
     headers: HeaderMap,

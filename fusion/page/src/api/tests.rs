@@ -111,6 +111,9 @@ fn a_turned_camera_is_told_of() {
     assert_eq!(court.get("/api/v1/status").1["watch"]["sentence"], sentence);
 }
 
+/// Method, address, headers, body, and the status that is due.
+type Case<'a> = (&'a str, &'a str, &'a [(&'a str, &'a str)], &'a str, u16);
+
 #[test]
 fn what_cannot_be_done_is_refused_in_a_sentence() {
     let court = court();
@@ -118,7 +121,7 @@ fn what_cannot_be_done_is_refused_in_a_sentence() {
     let token = ("authorization", "Bearer secret");
     let json = ("content-type", "application/json");
     let long = format!("{{\"name\":\"{}\"}}", "x".repeat(70_000));
-    let cases: &[(&str, &str, &[(&str, &str)], &str, u16)] = &[
+    let cases: &[Case<'_>] = &[
         ("GET", "/api/v1/status", &[("host", "evil.example")], "", 403),
         ("GET", "/api/v1/status", &[host, ("origin", "http://evil.example")], "", 403),
         ("GET", "/api/v1/nothing", &[host], "", 404),
@@ -128,6 +131,18 @@ fn what_cannot_be_done_is_refused_in_a_sentence() {
         ("GET", "/api/v1/balls?limit=-1", &[host], "", 400),
         ("GET", "/api/v1/sessions/9/balls.csv", &[host], "", 404),
         ("GET", "/api/v1/live", &[host], "", 400),
+        ("GET", "/api/v1/cameras/left/picture.png", &[host], "", 404),
+        ("GET", "/api/v1/cameras/third/view", &[host], "", 400),
+        ("POST", "/api/v1/cameras/left/look", &[host], "", 401),
+        ("POST", "/api/v1/cameras/left/look", &[host, token], "", 409), // no such binary here
+        ("GET", "/api/v1/setup/jobs/7", &[host], "", 404),
+        ("GET", "/api/v1/setup/calibrations/1/found.png", &[host], "", 404),
+        ("POST", "/api/v1/setup/calibrations/1/use", &[host, token], "", 404),
+        ("POST", "/api/v1/setup/calibrations", &[host, token, json], "{\"kind\":\"sky\"}", 400),
+        ("POST", "/api/v1/setup/recordings", &[host, token, json], "{\"seconds\":0}", 400),
+        ("GET", "/api/v1/setup/recordings/..%2ftoken", &[host], "", 404),
+        ("GET", "/api/v1/setup/pair/..%2ftoken", &[host, token], "", 404),
+        ("GET", "/api/v1/logs.txt", &[host], "", 401),
         ("GET", "/../../etc/passwd", &[host], "", 404),
         ("GET", "/assets/..%2f..%2fetc/passwd", &[host], "", 404),
         ("POST", "/index.html", &[host], "", 405),

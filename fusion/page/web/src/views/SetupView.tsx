@@ -157,7 +157,6 @@ function Files() {
       <h2>{t("files.title")}</h2>
       <div class="bar">
         <Doing do={logs}>{t("files.logs")}</Doing>
-        <a class="button" href="/label/">{t("files.label")}</a>
         <a class="button" href={address("/openapi.json")}>{t("files.api")}</a>
       </div>
       <p class="quiet-text">{t("files.labelAbout")}</p>
