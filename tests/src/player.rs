@@ -2,8 +2,9 @@
 //!
 //! A frame is rendered before it is due and copied into the memory lent by `capture`'s publisher,
 //! as a camera's buffer is: the workers cannot tell it from a camera's. One thread plays both
-//! cameras, 0.3 ms of the 11 ms between frames. When a frame is due does not depend on those before it: a
-//! stall is seen as lateness. When more shots are wanted than the scenario has, it is played again.
+//! cameras, 0.3 ms of the 11 ms between frames. When a frame is due does not depend on those before
+//! it: a stall is seen as lateness. When more shots are wanted than the scenario has, it is played
+//! again.
 
 use crate::camera::Side;
 use crate::renderer::Renderer;

@@ -265,5 +265,5 @@ fn systemd_understands_the_units() {
         }
     }
     let output = verify.output().unwrap();
-    assert_eq!((n_units, output.status.code(), said(&output)), (3, Some(0), String::new()));
+    assert_eq!((n_units, output.status.code(), said(&output)), (4, Some(0), String::new()));
 }

@@ -1,6 +1,7 @@
 //! The real bridges over a network that is as bad as asked: everything arrives, and clocks are as
 //! wrong as they say. Latencies are printed, not asserted: `link` measures them.
 
+use crate::run::turn;
 use std::time::Duration;
 use tests::hosts::weather::Weather;
 use tests::hosts::{Network, available};
@@ -27,6 +28,7 @@ fn played(network: Network, play_s: u64, cut: Option<Cut>, discovery: bool) -> O
         println!("skipped: {why}");
         return None;
     }
+    let _turn = turn(); // all link tests of this process share a court
     let play = Duration::from_secs(play_s);
     let options = Options { network: Some(network), play, cut, tls: true, discovery, seed: 1 };
     let report = measure(&options, &Stop::on_signals(false).unwrap()).unwrap();
