@@ -1,7 +1,7 @@
 //! What a person does once: looking at the cameras, calibrating, pairing, recording.
 //!
 //! The tools that do it (`bridge command`, `calibrate`, `record`, `bridge pair`) stand beside this
-//! binary and are run as processes, one at a time, each with a time limit; their words are kept for
+//! binary and are run as processes, one of a kind at a time, each with a time limit; their words are kept for
 //! whoever watches, and for the log.
 
 pub mod jobs;

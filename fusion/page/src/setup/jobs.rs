@@ -1,4 +1,4 @@
-//! What takes its time: one thing at a time, its words and its progress kept for who watches.
+//! What takes its time: one thing of each kind at a time, its words and its progress kept for who watches.
 
 use super::look::median;
 use super::tool::Tool;
@@ -69,7 +69,8 @@ impl Jobs {
 
     fn begin(&self, kind: &str) -> Result<Job, Error> {
         let mut state = locked(&self.0);
-        if let Some(running) = state.jobs.iter().find(|job| job.state == "running") {
+        let is_in_the_way = |job: &&Job| job.state == "running" && job.kind == kind;
+        if let Some(running) = state.jobs.iter().find(is_in_the_way) {
             return Err(Error::Busy(format!("a {}", running.kind)));
         }
         state.n_begun += 1;
