@@ -4,6 +4,7 @@
 //! a quadratic tells neither spin nor the clocks' difference. A number that is not finite becomes
 //! `null` too.
 
+use crate::aim::machine_toml::rpm_from_rad_s;
 use crate::intake::FrameCounts;
 use crate::launch::Launch;
 use crate::shot::{Bounce, ClockOffset, Shot, TrackPoint};
@@ -181,12 +182,12 @@ impl From<&Launch> for LaunchView {
             speed_m_s: launch.velocity_m_s.norm(),
             elevation_deg: degrees(direction.map(|d| d.elevation_rad)),
             azimuth_deg: degrees(direction.map(|d| d.azimuth_rad)),
-            spin_rpm: launch.spin.map(|spin| rpm(spin.backspin_rad_s)),
+            spin_rpm: launch.spin.map(|spin| rpm_from_rad_s(spin.backspin_rad_s)),
             sigma: LaunchSigmaView {
                 speed_m_s: launch.speed_sigma_m_s,
                 elevation_deg: degrees(direction.map(|d| d.elevation_sigma_rad)),
                 azimuth_deg: degrees(direction.map(|d| d.azimuth_sigma_rad)),
-                spin_rpm: launch.spin.map(|spin| rpm(spin.sigma_rad_s)),
+                spin_rpm: launch.spin.map(|spin| rpm_from_rad_s(spin.sigma_rad_s)),
             },
         }
     }
@@ -219,10 +220,6 @@ impl From<&TrackPoint> for TrackPointView {
 
 fn pair(pixel: RawPixel) -> [f64; 2] {
     [pixel.x_px, pixel.y_px]
-}
-
-fn rpm(spin_rad_s: f64) -> f64 {
-    spin_rad_s * 60.0 / std::f64::consts::TAU
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use crate::ball;
 use crate::desk::World;
 use crate::views::{Aim, Target, Xyz};
 use fusion::aim::{self, Conditions, Machine, Shape, Solution, Unreachable, Wanted};
+use fusion::reference::Reference;
 use fusion::world::acceleration::Breeze;
 use fusion::world::ball::{DRAG_COEFFICIENT, Physics};
 use fusion::world::rebound::HARD_COURT;
@@ -38,6 +39,18 @@ pub enum Error {
     },
 }
 
+/// The usual drag and no wind: what fusion begins with.
+#[must_use]
+pub fn usual_air() -> Breeze {
+    Breeze { drag_coefficient: DRAG_COEFFICIENT, wind_m_s: Vector2::zeros() }
+}
+
+/// A flight as it is drawn.
+#[must_use]
+pub fn drawn(flight: &Reference) -> Vec<Xyz> {
+    flight.positions_m(N_POINTS).iter().map(|point| point.coords.into()).collect()
+}
+
 /// Who aims.
 #[derive(Debug, Clone, Copy)]
 pub struct Aiming<'a> {
@@ -58,7 +71,7 @@ impl<'a> Aiming<'a> {
     }
 
     fn solved(&self, wanted: &Wanted) -> Result<Solution, Box<Unreachable>> {
-        let breeze = Breeze { drag_coefficient: DRAG_COEFFICIENT, wind_m_s: Vector2::zeros() };
+        let breeze = usual_air();
         let conditions =
             Conditions { breeze: &breeze, physics: self.physics, surface: &HARD_COURT };
         let mut flattest_first = aim::aim(wanted, self.machine, &conditions)?.into_iter();
@@ -156,16 +169,12 @@ fn view_of(reachable: bool, sentence: Option<String>, solution: Option<&Solution
     let reference = solution.map(|solution| &solution.reference);
     let settings = solution
         .map(|solution| ball::settings_from(&Settings::from_array(solution.commanded.settings())));
-    let flight_m = reference.map(|reference| {
-        let points = reference.positions_m(N_POINTS);
-        points.iter().map(|point| Xyz::from(point.coords)).collect()
-    });
     Aim {
         reachable,
         sentence,
         settings,
         landing_m: reference.map(|reference| reference.before_bounce.position_m.xy().coords.into()),
-        flight_m,
+        flight_m: reference.map(drawn),
         net_height_m: reference.and_then(|reference| reference.net_height_m),
     }
 }

@@ -1,6 +1,7 @@
 //! Fusion's JSON of a shot and of a correction -> one ball of the history.
 
 use crate::views::{Air, Ball, BallRow, Correction, Part, Settings, Target, Xy};
+use fusion::aim::machine_toml::rpm_from_rad_s;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -184,12 +185,6 @@ pub fn with_names(sentence: &str, ball: Option<&Target>, next: Option<&Target>) 
     sentence.replacen(&format!("next: {WISH}"), &format!("next: {}", name(next)), 1)
 }
 
-/// For people.
-#[must_use]
-pub fn rpm_from_rad_s(spin_rad_s: f64) -> f64 {
-    spin_rad_s * 60.0 / std::f64::consts::TAU
-}
-
 /// Settings of shared memory, in a coach's units.
 #[must_use]
 pub fn settings_from(settings: &shm_layout::launcher::Settings) -> Settings {
@@ -222,30 +217,14 @@ mod tests {
         assert_eq!((shot_idx, ball.row.id, ball.row.session_id), (3, 9, 2));
         assert_eq!(ball.row.landing_m, Some([0.5, 21.25]));
         assert_eq!((ball.row.spin_rpm, ball.row.net_height_m), (None, None));
-        let target = Target {
-            name: "deep".to_owned(),
-            landing_m: [0.25, 22.0],
-            zone_radius_m: 1.0,
-            speed_m_s: None,
-            spin_rpm: None,
-            net_height_m: None,
-            apex_m: None,
-        };
+        let target = Target::at("deep".to_owned(), [0.25, 22.0], 1.0);
         set_target(&mut ball.row, Some(target));
         assert_eq!(ball.row.miss_m, Some([0.25, -0.75]));
     }
 
     #[test]
     fn a_sentence_names_the_targets_of_this_page() {
-        let target = |name: &str| Target {
-            name: name.to_owned(),
-            landing_m: [0.0, 20.0],
-            zone_radius_m: 1.0,
-            speed_m_s: None,
-            spin_rpm: None,
-            net_height_m: None,
-            apex_m: None,
-        };
+        let target = |name: &str| Target::at(name.to_owned(), [0.0, 20.0], 1.0);
         let [deep, short] = ["deep", "short"].map(target);
         let told = "as wanted: 9 cm long; next: as wanted, its mean known to 11 cm along";
         let named = "deep: 9 cm long; next: short, its mean known to 11 cm along";

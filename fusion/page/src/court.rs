@@ -3,9 +3,9 @@
 use crate::views::{Court, Net};
 use fusion::Rig;
 use fusion::aim::Machine;
+use fusion::calibration::court::{Settings, paint};
 use fusion::world::court::{
-    DOUBLES_HALF_WIDTH_M, LENGTH_M, NET_CENTER_HEIGHT_M, NET_POST_HEIGHT_M, NET_TO_SERVICE_LINE_M,
-    NET_Y_M, SINGLES_HALF_WIDTH_M,
+    DOUBLES_HALF_WIDTH_M, LENGTH_M, NET_CENTER_HEIGHT_M, NET_POST_HEIGHT_M, NET_Y_M,
 };
 use shm_layout::Camera;
 
@@ -14,17 +14,15 @@ const POST_OUTSIDE_M: f64 = 0.914;
 /// Length of a centre mark (ITF rule 1).
 const CENTRE_MARK_M: f64 = 0.1;
 
-/// The middle of every painted line.
+/// The middle of every painted line, as a calibration looks for it, and the centre marks.
 #[must_use]
 pub fn lines_m() -> Vec<[[f64; 2]; 2]> {
-    let (wide, narrow, far) = (DOUBLES_HALF_WIDTH_M, SINGLES_HALF_WIDTH_M, LENGTH_M);
-    let service = [NET_Y_M - NET_TO_SERVICE_LINE_M, NET_Y_M + NET_TO_SERVICE_LINE_M];
-    let along = [-wide, -narrow, narrow, wide].map(|x| [[x, 0.0], [x, far]]);
-    let across = [0.0, far].map(|y| [[-wide, y], [wide, y]]);
-    let services = service.map(|y| [[-narrow, y], [narrow, y]]);
-    let centre = [[0.0, service[0]], [0.0, service[1]]];
+    let Settings { baseline_m, others_m, .. } = Settings::default();
+    let lines = paint::lines(baseline_m, others_m);
+    let ends = lines.iter().map(|line| [0.0, 1.0].map(|part| line.at(part).xy().coords.into()));
+    let far = LENGTH_M;
     let marks = [[[0.0, 0.0], [0.0, CENTRE_MARK_M]], [[0.0, far - CENTRE_MARK_M], [0.0, far]]];
-    along.into_iter().chain(across).chain(services).chain([centre]).chain(marks).collect()
+    ends.chain(marks).collect()
 }
 
 /// What stands still.

@@ -4,25 +4,25 @@
 //! to disk. Who watches hears by a broadcast of bounded length: who does not keep up is cut off and
 //! comes again.
 
+use crate::aiming;
 use crate::ball::{self, Told};
 use crate::drill::DrillHandle;
 use crate::heard::{News, Spots};
 use crate::history::{Change, History};
+use crate::locked;
 use crate::parts;
 use crate::setup::Setup;
 use crate::views::{Ball, DrillState, Job, Push, SessionRow, Status, Target, Watch, Xyz};
 use fusion::Rig;
 use fusion::aim::Machine;
 use fusion::reference::{Commanded, Reference};
-use fusion::world::acceleration::Breeze;
-use fusion::world::ball::{DRAG_COEFFICIENT, Physics};
+use fusion::world::ball::Physics;
 use fusion::world::rebound::HARD_COURT;
-use nalgebra::Vector2;
 use shm_layout::launcher::NONE;
 use shm_layout::{Camera, LauncherAnswer, LauncherCommand, Link};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{SystemTime, UNIX_EPOCH};
 use tokio::sync::broadcast;
 
@@ -32,8 +32,6 @@ const MAX_WAITING: usize = 64;
 const MAX_RECENT: usize = 64;
 /// The zone of a target that somebody else named.
 const ZONE_RADIUS_M: f64 = 1.0;
-/// Points of a reference trajectory.
-const N_REFERENCE: usize = 40;
 
 /// What does not change.
 #[derive(Debug)]
@@ -135,7 +133,7 @@ impl Desk {
     }
 
     fn locked(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.state)
     }
 
     /// What is pushed from now on.
@@ -252,9 +250,9 @@ impl Desk {
         let (machine, physics) = (self.world.machine.as_ref()?, self.world.physics.as_ref()?);
         let commanded = Commanded::new(speed, elevation, azimuth, spin).ok()?;
         let place = machine.launcher_in_court_m;
-        let breeze = Breeze { drag_coefficient: DRAG_COEFFICIENT, wind_m_s: Vector2::zeros() };
+        let breeze = aiming::usual_air();
         let reference = Reference::new(&commanded, place, &breeze, physics, &HARD_COURT)?;
-        Some(reference.positions_m(N_REFERENCE).iter().map(|point| point.coords.into()).collect())
+        Some(aiming::drawn(&reference))
     }
 
     fn update_correction(&self, text: &str) {
@@ -274,15 +272,8 @@ impl Desk {
             ball::with_names(&told.view.sentence, of_drill.as_ref(), wished.as_ref());
         let ball = told_ball(state, &told, of_drill);
         if let (Some(name), Some(landing_m)) = (&told.view.target, told.wanted_landing_m) {
-            let target = wished.unwrap_or_else(|| Target {
-                name: name.clone(),
-                landing_m,
-                zone_radius_m: ZONE_RADIUS_M,
-                speed_m_s: None,
-                spin_rpm: None,
-                net_height_m: None,
-                apex_m: None,
-            });
+            let target =
+                wished.unwrap_or_else(|| Target::at(name.clone(), landing_m, ZONE_RADIUS_M));
             push_bounded(&mut state.wanted, (told.view.correction_idx, target));
         }
         if let Some(ball) = ball {
@@ -307,12 +298,6 @@ impl Desk {
     #[must_use]
     pub fn drill_state(&self) -> DrillState {
         self.locked().drill.clone()
-    }
-
-    /// What the launcher said last.
-    #[must_use]
-    pub fn launcher(&self) -> Option<LauncherAnswer> {
-        self.locked().answer
     }
 
     /// All at a glance.

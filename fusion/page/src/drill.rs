@@ -8,6 +8,7 @@ mod run;
 
 use crate::desk::Desk;
 use crate::drills::Drills;
+use crate::locked;
 use crate::views::{DrillState, Target};
 use run::{Act, Launcher, Now, Run};
 use shm_layout::launcher::{CommandKind, LauncherState, NONE, Settings};
@@ -20,7 +21,7 @@ use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::oneshot;
 
@@ -114,10 +115,6 @@ impl Default for DrillHandle {
     fn default() -> Self {
         Self::with(None)
     }
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl DrillHandle {

@@ -4,6 +4,7 @@
 //! is a file's name and no path. Files that a person wrote count too; `repeat` stays theirs until
 //! the drill is kept anew.
 
+use crate::locked;
 use crate::views::{Drill, Target};
 use fusion::aim::Machine;
 use serde::Deserialize;
@@ -11,7 +12,7 @@ use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 /// Characters of a drill's name.
 const MAX_NAME: usize = 40;
@@ -153,7 +154,7 @@ impl Drills {
         let text = text_of(drill);
         fusion::drill::Drill::from_file_text(&file_name(name), &text, machine)
             .map_err(|why| Error::Wrong(why.to_string()))?;
-        let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        let _turn = locked(&self.turn);
         let names = self.names()?;
         if names.len() >= MAX_DRILLS && !names.contains(name) {
             return Err(Error::Full);

@@ -198,15 +198,7 @@ mod tests {
     use crate::ball;
 
     fn balls(landings: &[Xy]) -> Vec<Ball> {
-        let target = Target {
-            name: "=deep".to_owned(),
-            landing_m: [0.0, 20.0],
-            zone_radius_m: 0.5,
-            speed_m_s: None,
-            spin_rpm: None,
-            net_height_m: None,
-            apex_m: None,
-        };
+        let target = Target::at("=deep".to_owned(), [0.0, 20.0], 0.5);
         let of = |(id, [x, y]): (i64, Xy)| {
             let shot = serde_json::json!({"shot_idx": id, "outcome": "measured", "launch": null,
                 "bounce": {"t_ns": 1, "position_m": [x, y, 0.03], "velocity_in_m_s": [0, 20, -5],

@@ -4,6 +4,7 @@
 //! [`LOOK_EVERY`](shm_layout::stop::LOOK_EVERY). When the desk does not keep up news is dropped and
 //! counted: memory does not grow.
 
+use crate::locked;
 use shm_layout::ports::MessageReader;
 use shm_layout::services::{Domain, Error, Member};
 use shm_layout::stop::Stop;
@@ -11,7 +12,7 @@ use shm_layout::text::TextReader;
 use shm_layout::{Camera, FrameInfo, LauncherAnswer, LauncherCommand, Link, StripCandidates};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 
@@ -62,7 +63,7 @@ pub struct Spots(Arc<Mutex<[VecDeque<Spot>; 2]>>);
 
 impl Spots {
     fn locked(&self) -> MutexGuard<'_, [VecDeque<Spot>; 2]> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.0)
     }
 
     fn add(&self, strip: &StripCandidates) {

@@ -27,3 +27,10 @@ pub mod history;
 mod parts;
 pub mod setup;
 pub mod views;
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// That one who held it panicked is no reason for all others to stop.
+pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

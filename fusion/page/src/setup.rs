@@ -1,19 +1,20 @@
 //! What a person does once: looking at the cameras, calibrating, pairing, recording.
 //!
 //! The tools that do it (`bridge command`, `calibrate`, `record`, `bridge pair`) stand beside this
-//! binary and are run as processes, one of a kind at a time, each with a time limit; their words are kept for
-//! whoever watches, and for the log.
+//! binary and are run as processes, one of a kind at a time, each with a time limit; their words
+//! are kept for whoever watches, and for the log.
 
 pub mod jobs;
 pub mod look;
 pub mod tool;
 
+use crate::locked;
 use jobs::Jobs;
 use look::Seen;
 use shm_layout::Camera;
 use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 /// Lines of words that are kept.
 const MAX_WORDS: usize = 2000;
@@ -61,10 +62,6 @@ pub enum Error {
     /// A picture or a file cannot be read or written.
     #[error("{0}")]
     File(String),
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Setup {

@@ -115,6 +115,12 @@ pub fn rad_s_from_rpm(spin_rpm: f64) -> f64 {
     spin_rpm * (PI / 30.0)
 }
 
+/// The inverse of [`rad_s_from_rpm`].
+#[must_use]
+pub fn rpm_from_rad_s(spin_rad_s: f64) -> f64 {
+    spin_rad_s * 60.0 / std::f64::consts::TAU
+}
+
 impl Machine {
     /// From the text of a file; an error names the file and the line.
     ///

@@ -7,6 +7,7 @@
 use super::attributed::{Part, Why};
 use super::belief::Oddity;
 use super::{Correction, Trust};
+use crate::aim::machine_toml::rpm_from_rad_s;
 use nalgebra::Vector2;
 
 /// A miss smaller than this is none.
@@ -98,7 +99,7 @@ fn cause(part: &Part) -> String {
         Why::Speed => format!("speed {:+.1} %", part.amount_part.unwrap_or_default() * 100.0),
         Why::Elevation => format!("elevation {:+.1}°", amount.to_degrees()),
         Why::Azimuth => format!("azimuth {:+.1}°", amount.to_degrees()),
-        Why::Spin => format!("spin {:+.0} rpm", rpm(amount)),
+        Why::Spin => format!("spin {:+.0} rpm", rpm_from_rad_s(amount)),
         Why::Drag if amount < 0.0 => "low drag (worn ball)".to_owned(),
         Why::Drag => "high drag (fluffed or wet ball)".to_owned(),
         Why::Wind => wind(&part.amount),
@@ -124,7 +125,7 @@ fn changes(change: &[f64; 4]) -> Vec<String> {
         format!("speed {:+.1} km/h", speed * 3.6),
         format!("elevation {:+.1}°", elevation.to_degrees()),
         format!("azimuth {:+.1}°", azimuth.to_degrees()),
-        format!("spin {:+.0} rpm", rpm(spin)),
+        format!("spin {:+.0} rpm", rpm_from_rad_s(spin)),
     ];
     let is_worth = change.iter().zip(CHANGE_MIN).map(|(change, least)| change.abs() >= least);
     words
@@ -132,8 +133,4 @@ fn changes(change: &[f64; 4]) -> Vec<String> {
         .zip(is_worth)
         .filter_map(|(word, is_worth)| is_worth.then_some(word))
         .collect()
-}
-
-fn rpm(rad_s: f64) -> f64 {
-    rad_s * 60.0 / std::f64::consts::TAU
 }

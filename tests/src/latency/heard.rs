@@ -1,6 +1,7 @@
 //! What a reader of every service hears, and when. It only reads.
 
 use anyhow::Context as _;
+use shm_layout::ports::{Message, MessageService};
 use shm_layout::services::{Domain, Error, Member, Place};
 use shm_layout::stamp::now_ns;
 use shm_layout::{Camera, FrameInfo, StampNs, StripCandidates};
@@ -179,70 +180,73 @@ fn strip_from(strip: &StripCandidates, arrived_ns: StampNs) -> Strip {
     }
 }
 
-fn board(member: &Member, is_over: &AtomicBool, ready: &Sender<()>) -> Result<Heard, Error> {
-    let (infos, candidates) = (member.frames_info()?, member.candidates()?);
-    let (info_reader, reader, alarm) = (infos.reader()?, candidates.reader()?, candidates.alarm()?);
-    let mut heard = Heard::default();
+/// Reads one service whenever something was sent on it, until it is over; `keep` takes what comes.
+fn read_along<T: Message>(
+    service: &MessageService<T>,
+    is_over: &AtomicBool,
+    ready: &Sender<()>,
+    mut keep: impl FnMut(&T) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let (reader, alarm) = (service.reader()?, service.alarm()?);
     let _ = ready.send(()); // who started this one may be gone
     while !is_over.load(Ordering::Relaxed) {
-        while let Some(strip) = reader.receive()? {
-            let strip = strip_from(&strip, now_ns());
-            keep(&mut heard.on_boards, &mut heard.n_left_out, strip);
-        }
-        while let Some(info) = info_reader.receive()? {
-            keep(&mut heard.infos, &mut heard.n_left_out, *info);
+        while let Some(message) = reader.receive()? {
+            keep(&message)?;
         }
         alarm.wait()?;
+    }
+    Ok(())
+}
+
+fn board(member: &Member, is_over: &AtomicBool, ready: &Sender<()>) -> Result<Heard, Error> {
+    let infos = member.frames_info()?.reader()?;
+    let mut heard = Heard::default();
+    read_along(&member.candidates()?, is_over, ready, |strip| {
+        let strip = strip_from(strip, now_ns());
+        keep(&mut heard.on_boards, &mut heard.n_left_out, strip);
+        // An info carries its own stamp: it need not be read at once.
+        while let Some(info) = infos.receive()? {
+            keep(&mut heard.infos, &mut heard.n_left_out, *info);
+        }
+        Ok(())
+    })?;
+    while let Some(info) = infos.receive()? {
+        keep(&mut heard.infos, &mut heard.n_left_out, *info);
     }
     Ok(heard)
 }
 
 fn at_fusion(member: &Member, is_over: &AtomicBool, ready: &Sender<()>) -> Result<Heard, Error> {
-    let candidates = member.candidates()?;
-    let (reader, alarm) = (candidates.reader()?, candidates.alarm()?);
     let mut heard = Heard::default();
-    let _ = ready.send(());
-    while !is_over.load(Ordering::Relaxed) {
-        while let Some(strip) = reader.receive()? {
-            let strip = strip_from(&strip, now_ns());
-            keep(&mut heard.at_fusion, &mut heard.n_left_out, strip);
-        }
-        alarm.wait()?;
-    }
+    read_along(&member.candidates()?, is_over, ready, |strip| {
+        let strip = strip_from(strip, now_ns());
+        keep(&mut heard.at_fusion, &mut heard.n_left_out, strip);
+        Ok(())
+    })?;
     Ok(heard)
 }
 
 fn progress(member: &Member, is_over: &AtomicBool, ready: &Sender<()>) -> Result<Heard, Error> {
-    let taken = member.taken()?;
-    let (reader, alarm) = (taken.reader()?, taken.alarm()?);
     let mut heard = Heard::default();
-    let _ = ready.send(());
-    while !is_over.load(Ordering::Relaxed) {
-        while let Some(taken) = reader.receive()? {
-            // Fusion says it whenever it has nothing to read, most often the same as before.
-            let n_strips = taken.n_strips;
-            if heard.progress.last().is_none_or(|last: &Progress| last.n_strips < n_strips) {
-                let now = Progress { n_strips, arrived_ns: now_ns() };
-                keep(&mut heard.progress, &mut heard.n_left_out, now);
-            }
+    read_along(&member.taken()?, is_over, ready, |taken| {
+        // Fusion says it whenever it has nothing to read, most often the same as before.
+        let n_strips = taken.n_strips;
+        if heard.progress.last().is_none_or(|last| last.n_strips < n_strips) {
+            let now = Progress { n_strips, arrived_ns: now_ns() };
+            keep(&mut heard.progress, &mut heard.n_left_out, now);
         }
-        alarm.wait()?;
-    }
+        Ok(())
+    })?;
     Ok(heard)
 }
 
 fn shots(member: &Member, is_over: &AtomicBool, ready: &Sender<()>) -> Result<Heard, Error> {
-    let shots = member.shots()?;
-    let (reader, alarm) = (shots.reader()?, shots.alarm()?);
     let mut heard = Heard::default();
-    let _ = ready.send(());
-    while !is_over.load(Ordering::Relaxed) {
-        while let Some(shot) = reader.receive()? {
-            let bounce_ns = (shot.is_measured == 1).then_some(shot.bounce_ns);
-            let shot = Bounced { bounce_ns, arrived_ns: now_ns() };
-            keep(&mut heard.shots, &mut heard.n_left_out, shot);
-        }
-        alarm.wait()?;
-    }
+    read_along(&member.shots()?, is_over, ready, |shot| {
+        let bounce_ns = (shot.is_measured == 1).then_some(shot.bounce_ns);
+        let shot = Bounced { bounce_ns, arrived_ns: now_ns() };
+        keep(&mut heard.shots, &mut heard.n_left_out, shot);
+        Ok(())
+    })?;
     Ok(heard)
 }

@@ -33,9 +33,8 @@ pub(super) async fn page(request: Request) -> Response {
             // Names of assets carry a hash of what is in them.
             let is_hashed = path.starts_with("assets/");
             let cache = if is_hashed { "public, max-age=31536000, immutable" } else { "no-cache" };
-            let kind = mime_guess::from_path(path).first_or_octet_stream();
             let headers = [
-                (header::CONTENT_TYPE, kind.to_string()),
+                (header::CONTENT_TYPE, file.metadata.mimetype().to_owned()),
                 (header::CACHE_CONTROL, cache.to_owned()),
             ];
             (headers, file.data).into_response()

@@ -4,7 +4,7 @@ use super::{Answer, Hall, Refusal};
 use crate::desk::Desk;
 use crate::setup::jobs::{self, Task};
 use crate::setup::{Error, look};
-use crate::views::{CameraView, Done, Job, Problem, Recording, Recordings};
+use crate::views::{CameraView, Job, Problem, Recording, Recordings, Said};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::rejection::JsonRejection;
@@ -14,7 +14,7 @@ use axum::response::{IntoResponse, Response};
 use axum_extra::extract::WithRejection;
 use serde::{Deserialize, Serialize};
 use shm_layout::Camera;
-use std::time::{Duration, Instant, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
 use tokio_util::io::ReaderStream;
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -24,8 +24,6 @@ use utoipa_axum::routes;
 const MAX_SECONDS: u32 = 600;
 /// Recordings that are listed.
 const MAX_RECORDINGS: usize = 1000;
-/// Keys are made within this.
-const PAIRED_WITHIN: Duration = Duration::from_secs(35);
 
 pub(super) fn routes() -> OpenApiRouter<Hall> {
     OpenApiRouter::new()
@@ -154,20 +152,20 @@ fn calibrated(desk: &Desk, id: u64) -> Answer<()> {
 
 /// Puts a calibration's rig in the place of the one there is, which is kept.
 #[utoipa::path(post, path = "/setup/calibrations/{id}/use", params(("id" = u64, Path)),
-    security(("token" = [])), responses((status = 200, body = Done), (status = 400, body = Problem),
+    security(("token" = [])), responses((status = 200, body = Said), (status = 400, body = Problem),
     (status = 401, body = Problem), (status = 404, body = Problem),
     (status = 409, body = Problem)))]
 async fn use_calibration(
     State(hall): State<Hall>,
     headers: HeaderMap,
     WithRejection(Path(id), _): Numbered,
-) -> Answer<Json<Done>> {
+) -> Answer<Json<Said>> {
     hall.trusted(&headers)?;
     let used = move |desk: &Desk| {
         calibrated(desk, id)?;
         Ok(jobs::use_calibration(desk, id)?)
     };
-    Ok(Json(Done { sentence: hall.aside(used).await? }))
+    Ok(Json(Said { sentence: hall.aside(used).await? }))
 }
 
 async fn calibration_file(hall: &Hall, id: u64, name: &'static str) -> Answer<Vec<u8>> {
@@ -235,17 +233,8 @@ async fn pair(
     hall.trusted(&headers)?;
     let Json(NewPair { camera }) = body?;
     let camera = camera_from(&camera)?;
-    let id = jobs::begin(&hall.desk, Task::Pair(camera))?.id;
-    let begun = Instant::now();
-    while begun.elapsed() < PAIRED_WITHIN {
-        let job = hall.desk.setup.jobs.job(id).filter(|job| job.state != "running");
-        match job.map(|job| (job.state, job.verdict.unwrap_or_default())) {
-            Some(("done", file)) => return Ok(Json(Pair { file })),
-            Some((_, why)) => return Err(Refusal::new(StatusCode::CONFLICT, why)),
-            None => tokio::time::sleep(Duration::from_millis(20)).await,
-        }
-    }
-    Err(Refusal::new(StatusCode::CONFLICT, "the keys are not made yet: look again later"))
+    let paired = move |desk: &Desk| Ok(jobs::at_once(desk, &Task::Pair(camera))?);
+    Ok(Json(Pair { file: hall.aside(paired).await? }))
 }
 
 /// A board's keys, once: then they are no longer here.

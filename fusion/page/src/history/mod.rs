@@ -8,12 +8,13 @@ mod read;
 
 pub use read::Filter;
 
+use crate::locked;
 use crate::views::{Ball, HistoryState};
 use rusqlite::{Connection, OpenFlags, params};
 use rusqlite_migration::{M, Migrations};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -73,10 +74,6 @@ pub struct History {
     changes: Option<SyncSender<Change>>,
     writer: Option<JoinHandle<()>>,
     state: Arc<Mutex<HistoryState>>,
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl History {

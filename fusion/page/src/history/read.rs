@@ -1,6 +1,7 @@
 //! SQLite -> balls and sessions.
 
-use super::{Error, History, locked};
+use super::{Error, History};
+use crate::locked;
 use crate::views::{Ball, BallRow, SessionRow};
 use rusqlite::types::Value as Sql;
 use rusqlite::{OptionalExtension as _, Row, params_from_iter};

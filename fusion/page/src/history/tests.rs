@@ -7,15 +7,7 @@ fn ball(id: i64, session_id: i64, target: Option<&str>) -> Ball {
         "net": null});
     let (mut ball, _) =
         crate::ball::from_shot(&shot.to_string(), id, session_id, 1000 * id).unwrap();
-    let target = target.map(|name| Target {
-        name: name.to_owned(),
-        landing_m: [0.0, 20.0],
-        zone_radius_m: 1.0,
-        speed_m_s: None,
-        spin_rpm: None,
-        net_height_m: None,
-        apex_m: None,
-    });
+    let target = target.map(|name| Target::at(name.to_owned(), [0.0, 20.0], 1.0));
     crate::ball::set_target(&mut ball.row, target);
     ball
 }

@@ -70,6 +70,22 @@ pub struct Target {
     pub apex_m: Option<f64>,
 }
 
+impl Target {
+    /// A place to land at, with nothing else wanted.
+    #[must_use]
+    pub fn at(name: String, landing_m: Xy, zone_radius_m: f64) -> Self {
+        Self {
+            name,
+            landing_m,
+            zone_radius_m,
+            speed_m_s: None,
+            spin_rpm: None,
+            net_height_m: None,
+            apex_m: None,
+        }
+    }
+}
+
 /// One ball in lists.
 #[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
 pub struct BallRow {

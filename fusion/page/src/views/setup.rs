@@ -56,7 +56,7 @@ pub struct Recordings {
 
 /// What was done, in words.
 #[derive(Debug, Clone, Serialize, ToSchema)]
-pub struct Done {
+pub struct Said {
     /// It.
     pub sentence: String,
 }

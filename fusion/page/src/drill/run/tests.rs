@@ -31,15 +31,7 @@ struct Played {
 
 fn played(is_correcting: bool, balls: Option<u32>) -> Played {
     let drill = fusion::drill::Drill::from_file_text("d.toml", TWO, &Machine::of_thesis()).unwrap();
-    let target = |name: &str, landing_m| Target {
-        name: name.to_owned(),
-        landing_m,
-        zone_radius_m: 1.0,
-        speed_m_s: None,
-        spin_rpm: None,
-        net_height_m: None,
-        apex_m: None,
-    };
+    let target = |name: &str, landing_m| Target::at(name.to_owned(), landing_m, 1.0);
     let targets = vec![target("deep", [1.0, 21.0]), target("short", [-1.0, 17.0])];
     let aims = vec![settings(20.0), settings(15.0)];
     let plan = Plan { name: "two".to_owned(), drill, targets, aims, is_correcting, balls };

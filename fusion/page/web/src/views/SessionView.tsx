@@ -310,6 +310,21 @@ function signed(length_m: number): string {
   return cm.startsWith("-") ? cm.replace("-", "−") : `+${cm}`;
 }
 
+/** What both tables of targets say. */
+function TargetHead() {
+  return (
+    <thead>
+      <tr>
+        <th scope="col">{t("table.target")}</th>
+        <th scope="col" class="number">{t("session.n")}</th>
+        <th scope="col" class="number">{t("session.inZone")}</th>
+        <th scope="col" class="number">{t("session.biasAlong")}</th>
+        <th scope="col" class="number">{t("session.biasAcross")}</th>
+      </tr>
+    </thead>
+  );
+}
+
 function Targets(props: { session: Session }) {
   const { targets } = props.session;
   if (targets.length === 0) return null;
@@ -318,15 +333,7 @@ function Targets(props: { session: Session }) {
       <h2>{t("session.targets")}</h2>
       <div class="scroll" tabIndex={0} role="region" aria-label={t("session.targets")}>
         <table>
-          <thead>
-            <tr>
-              <th scope="col">{t("table.target")}</th>
-              <th scope="col" class="number">{t("session.n")}</th>
-              <th scope="col" class="number">{t("session.inZone")}</th>
-              <th scope="col" class="number">{t("session.biasAlong")}</th>
-              <th scope="col" class="number">{t("session.biasAcross")}</th>
-            </tr>
-          </thead>
+          <TargetHead />
           <tbody>
             {targets.map((one, i) => (
               <tr key={one.target.name}>
@@ -371,15 +378,7 @@ function Difference(props: { here: Session; beside: Session }) {
       ) : (
         <div class="scroll" tabIndex={0} role="region" aria-label={t("session.compare")}>
           <table class="difference">
-            <thead>
-              <tr>
-                <th scope="col">{t("table.target")}</th>
-                <th scope="col" class="number">{t("session.n")}</th>
-                <th scope="col" class="number">{t("session.inZone")}</th>
-                <th scope="col" class="number">{t("session.biasAlong")}</th>
-                <th scope="col" class="number">{t("session.biasAcross")}</th>
-              </tr>
-            </thead>
+            <TargetHead />
             <tbody>
               {rows.map(({ one, match }) => (
                 <tr key={one.target.name}>
