@@ -35,7 +35,8 @@ pub struct Order {
     next_idx: u64,
     /// The one after the newest that is known to exist.
     end_idx: u64,
-    /// Batches before this were sent before anybody listened here: no loss if they are gone.
+    /// Batches before this were sent before anybody listened here: no loss if they are gone. `None`
+    /// until one was heard.
     joined_idx: Option<u64>,
     held: BTreeMap<u64, Batch>,
     counts: Counts,
@@ -117,7 +118,7 @@ impl Order {
         let mut passed = Vec::new();
         while self.next_idx < idx {
             let until = self.held.keys().next().copied().unwrap_or(idx).min(idx);
-            let heard_of = self.joined_idx.unwrap_or(0).clamp(self.next_idx, until);
+            let heard_of = self.joined_idx.unwrap_or(u64::MAX).clamp(self.next_idx, until);
             self.counts.n_lost += until - heard_of;
             self.next_idx = until;
             passed.extend(self.released());

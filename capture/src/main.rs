@@ -1,5 +1,7 @@
 //! `capture`: frames of a camera, or from disk, into the shared memory of a board.
 
+use anyhow::Context as _;
+use capture::camera::recorded::RecordedCamera;
 use capture::camera::{self, Kind, Settings, Wanted, listed, size_from_text};
 use capture::film::film;
 use capture::orders::Orders;
@@ -82,6 +84,10 @@ struct Flags {
     /// Again from the start when it is over, until stopped; stamps go on.
     #[arg(long)]
     repeat: bool,
+    /// Over and over in place of a camera that sees it now: what is due is told by this machine's
+    /// clock, so two boards stay together, and one that begins anew goes on where the other is.
+    #[arg(long, conflicts_with_all = ["source", "speed", "repeat"])]
+    as_camera: bool,
 
     /// Workers to wait for before the first frame [default: 1 for a recording, none for a camera].
     #[arg(long, value_parser = clap::value_parser!(u32).range(N_STRIPS_RANGE))]
@@ -157,7 +163,39 @@ fn run_camera(
     stop: &Stop,
 ) -> anyhow::Result<()> {
     let wanted = wanted(flags, Some(side));
-    let mut camera = camera::open(kind, &wanted)?;
+    let camera = camera::open(kind, &wanted)?;
+    film_with(camera, flags, wanted.frame_rate_hz, member, side, stop)
+}
+
+/// A recording as fast as its stamps, or as workers keep up; or in place of a camera.
+fn run_recording(flags: &Flags, member: &Member, side: Camera, stop: &Stop) -> anyhow::Result<()> {
+    let mut source = source_of(flags)?;
+    anyhow::ensure!(
+        !flags.repeat || source.stamps_ns().len() > 1,
+        "--repeat needs two frames or more"
+    );
+    if flags.as_camera {
+        let camera = RecordedCamera::new(source).context("--as-camera needs two frames or more")?;
+        return film_with(Box::new(camera), flags, FRAME_RATE_HZ, member, side, stop);
+    }
+    let n_workers = flags.workers.unwrap_or(1);
+    let mut in_flight = InFlight::new(&member.candidates()?, n_workers)?;
+    let mut publisher = Publisher::new(member, side, source.size_px())?.on_own_clock();
+    let mut orders = Orders::new(member, stop)?;
+    let n_workers = n_workers as usize;
+    publisher.wait_for_readers(n_workers, flags.wait_for_bridge, || orders.look())?;
+    let how = Play { speed: flags.speed, is_repeated: flags.repeat, n_workers };
+    Ok(play(&mut source, &mut publisher, &mut in_flight, &mut orders, how)?)
+}
+
+fn film_with(
+    mut camera: Box<dyn camera::Camera>,
+    flags: &Flags,
+    rate_hz: f64,
+    member: &Member,
+    side: Camera,
+    stop: &Stop,
+) -> anyhow::Result<()> {
     let mut publisher = Publisher::new(member, side, camera.size_px())?;
     let mut orders = Orders::new(member, stop)?.of_camera();
     if flags.workers.is_some() || flags.wait_for_bridge {
@@ -167,7 +205,6 @@ fn run_camera(
     let (settled, (width_px, height_px)) = (camera.settled(), camera.size_px());
     tracing::info!(camera = camera.name(), width_px, height_px, ?settled, "filming");
     let n_wanted = flags.frames;
-    let rate_hz = wanted.frame_rate_hz;
     match film(camera.as_mut(), &mut publisher, &mut orders, rate_hz, n_wanted) {
         Ok(filmed) => {
             eprintln!("capture {side}: {filmed}");
@@ -179,22 +216,6 @@ fn run_camera(
             Err(why.into())
         }
     }
-}
-
-fn run_recording(flags: &Flags, member: &Member, side: Camera, stop: &Stop) -> anyhow::Result<()> {
-    let mut source = source_of(flags)?;
-    anyhow::ensure!(
-        !flags.repeat || source.stamps_ns().len() > 1,
-        "--repeat needs two frames or more"
-    );
-    let n_workers = flags.workers.unwrap_or(1);
-    let mut in_flight = InFlight::new(&member.candidates()?, n_workers)?;
-    let mut publisher = Publisher::new(member, side, source.size_px())?.on_own_clock();
-    let mut orders = Orders::new(member, stop)?;
-    let n_workers = n_workers as usize;
-    publisher.wait_for_readers(n_workers, flags.wait_for_bridge, || orders.look())?;
-    let how = Play { speed: flags.speed, is_repeated: flags.repeat, n_workers };
-    Ok(play(&mut source, &mut publisher, &mut in_flight, &mut orders, how)?)
 }
 
 /// Looks at a frame a second until stopped, or the pictures are over.

@@ -56,9 +56,9 @@ impl Pictures {
         self.paths.len()
     }
 
-    /// The first picture is read next.
-    pub fn go_to_start(&mut self) {
-        self.frame_idx = 0;
+    /// Goes to a picture, which is read next.
+    pub fn go_to(&mut self, frame_idx: usize) {
+        self.frame_idx = frame_idx;
     }
 
     /// Decodes the next picture into `luma`; colour becomes ITU-R BT.709 luma.

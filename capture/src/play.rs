@@ -35,7 +35,7 @@ pub fn play(
     let mut n_missed = 0_usize;
     for lap in 0..n_laps {
         if lap > 0 {
-            source.go_to_start()?;
+            source.go_to(0)?;
         }
         for (idx, &stamp_ns) in stamps_ns.iter().enumerate() {
             let exposed_ns = stamp_ns + lap as i64 * lap_ns.unwrap_or(0);

@@ -64,14 +64,18 @@ impl Source {
         &self.stamps_ns
     }
 
-    /// The first frame is read next.
+    /// Goes to a frame, which is read next.
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn go_to_start(&mut self) -> Result<(), Error> {
+    ///
+    /// # Panics
+    /// When there are not as many.
+    pub fn go_to(&mut self, frame_idx: usize) -> Result<(), Error> {
+        assert!(frame_idx < self.stamps_ns.len(), "frame {frame_idx}");
         match &mut self.kind {
-            Kind::Recording(recording) => recording.go_to(0)?,
-            Kind::Pictures(pictures) => pictures.go_to_start(),
+            Kind::Recording(recording) => recording.go_to(frame_idx)?,
+            Kind::Pictures(pictures) => pictures.go_to(frame_idx),
         }
         Ok(())
     }

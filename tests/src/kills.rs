@@ -5,12 +5,13 @@
 //! and the bridge; beside fusion another bridge and a [`Witness`]. One more watches on the board.
 
 use crate::chain::Chain;
+use crate::faults::part::process;
 use crate::processes::{Household, free_endpoint};
 use crate::witness::{Seen, Witness};
 use anyhow::{Context as _, ensure};
 use fusion::intake::{FrameCounts, Intake};
 use launcher::processes;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Signal, kill_process};
 use shm_layout::commands::{Command as Order, Kind};
 use shm_layout::services::{Domain, Place};
 use shm_layout::stamp::now_ns;
@@ -216,8 +217,8 @@ pub fn run(court: &str, folder: &Path, n_kills: usize) -> anyhow::Result<Report>
         let pid = process(court, &victim.words(idx))?;
         let killed_ns = now_ns();
         kill_process(pid, Signal::KILL).context("kill a process")?;
-        wait_until(&board, || at_fusion.seen().last.published_ns > killed_ns)?;
-        let resumed_ns = at_fusion.seen().last.complete_ns.unwrap_or_default();
+        wait_until(&board, || at_fusion.seen().last[Camera::Left.idx()].published_ns > killed_ns)?;
+        let resumed_ns = at_fusion.seen().last[Camera::Left.idx()].complete_ns.unwrap_or_default();
         deaths.push(Death { victim, killed_ns, resumed_ns });
     }
     let n_before = at_fusion.seen().n_complete;
@@ -274,21 +275,6 @@ fn wait_until(board: &Board, mut is_so: impl FnMut() -> bool) -> anyhow::Result<
         std::thread::sleep(Duration::from_millis(1));
     }
     Ok(())
-}
-
-/// The process of a court with these words in its command line.
-fn process(court: &str, words: &[String]) -> anyhow::Result<Pid> {
-    for entry in std::fs::read_dir("/proc")? {
-        let name = entry?.file_name();
-        let Some(number) = name.to_str().and_then(|name| name.parse().ok()) else { continue };
-        let line = std::fs::read(format!("/proc/{number}/cmdline")).unwrap_or_default();
-        let line = String::from_utf8_lossy(&line).replace('\0', " ");
-        let is_ours = line.contains(&format!("--court {court} "));
-        if is_ours && words.iter().all(|word| line.contains(word)) {
-            return Pid::from_raw(number).context("a process has no number");
-        }
-    }
-    anyhow::bail!("no process with {words:?} in its command line")
 }
 
 /// Files of a court: its part of /dev/shm and of iceoryx2's root folder.

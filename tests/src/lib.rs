@@ -111,6 +111,8 @@ pub mod witness;
 
 pub mod kills;
 
+pub mod faults;
+
 pub mod link;
 
 pub mod latency;

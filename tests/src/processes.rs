@@ -85,9 +85,7 @@ impl Household {
     /// # Errors
     /// When the running binary cannot be found.
     pub fn new(court: &str) -> Result<Self, Error> {
-        let binaries = processes::folder()
-            .map_err(|why| Error::System { what: "find the running binary".to_owned(), why })?;
-        Ok(Self { court: court.to_owned(), binaries, residents: Vec::new() })
+        Ok(Self { court: court.to_owned(), binaries: binaries()?, residents: Vec::new() })
     }
 
     /// Starts a binary with `--court`, `--with-parent` and these arguments. Its words go to stderr
@@ -137,8 +135,7 @@ impl Household {
     /// # Errors
     /// When it is not built.
     pub fn binary(&self, binary: &str) -> Result<PathBuf, Error> {
-        processes::binary(&self.binaries, binary)
-            .ok_or_else(|| Error::NotBuilt { path: self.binaries.join(binary) })
+        binary_in(&self.binaries, binary)
     }
 
     /// Names and process numbers of those still running.
@@ -233,6 +230,23 @@ impl Drop for Household {
         // After `stop` there is nothing to do; after an error this is the last chance.
         let _ = close_court(&self.court);
     }
+}
+
+/// Where a binary stands beside the running one.
+///
+/// # Errors
+/// When it is not built.
+pub fn binary(name: &str) -> Result<PathBuf, Error> {
+    binary_in(&binaries()?, name)
+}
+
+fn binary_in(folder: &Path, name: &str) -> Result<PathBuf, Error> {
+    processes::binary(folder, name).ok_or_else(|| Error::NotBuilt { path: folder.join(name) })
+}
+
+fn binaries() -> Result<PathBuf, Error> {
+    processes::folder()
+        .map_err(|why| Error::System { what: "find the running binary".to_owned(), why })
 }
 
 /// The court of this process: its number makes it unique, `what` says whose it is. What courts of

@@ -17,6 +17,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(1);
 /// What is known of a frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Frame {
+    /// [`shm_layout::Camera::idx`] of whose it is.
+    pub camera_idx: u32,
     /// When capture handed it over.
     pub published_ns: StampNs,
     /// Strips that are there, one bit each.
@@ -32,8 +34,8 @@ pub struct Seen {
     pub frames: BTreeMap<(u64, u64), Frame>,
     /// Strips that came twice.
     pub n_twice: u64,
-    /// The frame that was complete last.
-    pub last: Frame,
+    /// The frame of each camera that was complete last.
+    pub last: [Frame; 2],
     /// Frames that became complete.
     pub n_complete: u64,
 }
@@ -50,19 +52,21 @@ impl Seen {
     }
 
     fn update_info(&mut self, info: &FrameInfo) {
-        self.frames.entry((info.recording_id, info.frame_idx)).or_default().published_ns =
-            info.published_ns;
+        let frame = self.frames.entry((info.recording_id, info.frame_idx)).or_default();
+        (frame.camera_idx, frame.published_ns) = (info.camera_idx, info.published_ns);
     }
 
     fn update(&mut self, strip: &StripCandidates) {
         let frame = self.frames.entry((strip.recording_id, strip.frame_idx)).or_default();
-        frame.published_ns = strip.frame_published_ns;
+        (frame.camera_idx, frame.published_ns) = (strip.camera_idx, strip.frame_published_ns);
         let bit = 1 << strip.strip_idx;
         self.n_twice += u64::from(frame.strips & bit != 0);
         frame.strips |= bit;
         if frame.complete_ns.is_none() && frame.strips.count_ones() == strip.n_strips {
             frame.complete_ns = Some(now_ns());
-            self.last = *frame;
+            if let Some(last) = self.last.get_mut(frame.camera_idx as usize) {
+                *last = *frame;
+            }
             self.n_complete += 1;
         }
     }

@@ -20,6 +20,10 @@ const ANSWER_WITHIN_NS: i64 = 3_000_000_000;
 /// Pause between two questions for what is missing.
 const ASK_EVERY_NS: i64 = 50_000_000;
 
+/// Of what a running board has kept, whoever joins asks for this part, 3 s: what may be in the air.
+/// The whole would have to be read before anything new is (1.5 s, measured).
+const JOINED_SHARE: f64 = 0.3;
+
 /// Most messages that wait for the clock to be known: 10 s of a board with eight workers.
 const MAX_WAITING: usize = 8192;
 
@@ -39,6 +43,10 @@ pub struct Board {
     orders: [Order; N_STREAMS],
     /// How far each stream had come at the last pong: what is missing then is really missing.
     end_idx: [u64; N_STREAMS],
+    /// The oldest batch of each stream that the board had at the last pong.
+    oldest_idx: [Option<u64>; N_STREAMS],
+    /// Whether a run was heard to which we came late, or which came to us.
+    has_joined: bool,
     asked: [Asked; N_STREAMS],
     clock: Clock,
     waiting: Vec<Message>,
@@ -55,6 +63,8 @@ impl Board {
             heard: None,
             orders: Default::default(),
             end_idx: [0; N_STREAMS],
+            oldest_idx: [None; N_STREAMS],
+            has_joined: false,
             asked: [Asked::default(); N_STREAMS],
             clock: Clock::default(),
             waiting: Vec::new(),
@@ -89,15 +99,32 @@ impl Board {
         let mut batches = Vec::new();
         for stream in Stream::ALL {
             let idx = stream.idx();
-            let order = &mut self.orders[idx];
             // What was sent just before this pong may still arrive after it.
-            order.note_end(pong.session_id, self.end_idx[idx]);
-            self.end_idx[idx] = pong.end_idx[idx];
+            self.orders[idx].note_end(pong.session_id, self.end_idx[idx]);
+            let (oldest_idx, end_idx) = (pong.oldest_idx[idx], pong.end_idx[idx]);
+            let n_wanted = match self.has_joined {
+                true => u64::MAX,
+                false => (end_idx.saturating_sub(oldest_idx) as f64 * JOINED_SHARE).ceil() as u64,
+            };
+            self.end_idx[idx] = end_idx;
+            self.oldest_idx[idx] = Some(oldest_idx.max(end_idx.saturating_sub(n_wanted)));
             if !self.asked[idx].is_open {
-                batches.extend(order.note_oldest(pong.session_id, pong.oldest_idx[idx]));
+                batches.extend(self.given_up(stream));
             }
         }
+        self.has_joined = true;
         self.passed(batches)
+    }
+
+    /// What waited for batches that the board no longer has. Not while an answer is on its way.
+    fn given_up(&mut self, stream: Stream) -> Vec<Batch> {
+        let idx = stream.idx();
+        match (self.heard, self.oldest_idx[idx]) {
+            (Some((session_id, _)), Some(oldest_idx)) => {
+                self.orders[idx].note_oldest(session_id, oldest_idx)
+            }
+            _ => Vec::new(),
+        }
     }
 
     /// Whether its bridge was heard lately.
@@ -115,6 +142,10 @@ impl Board {
                 continue;
             }
             asked.is_open = false;
+            // Who joins late would ask for what the board may have had an hour ago.
+            if self.oldest_idx[stream.idx()].is_none() {
+                continue;
+            }
             if let Some((session_id, range)) = self.orders[stream.idx()].missing() {
                 *asked = Asked { at_ns: now_ns, is_open: true };
                 let stream_idx = stream.idx() as u8;
@@ -125,10 +156,14 @@ impl Board {
         questions
     }
 
-    /// The answer to a question is over.
-    pub fn note_answered(&mut self, stream: Stream) {
-        // All of it came: what is missing next may be asked for at once.
+    /// The answer to a question is over; gives out the messages that waited for what it had not.
+    pub fn note_answered(&mut self, stream: Stream) -> Vec<Message> {
+        // All of it came: what is missing next may be asked for at once. What the board no longer
+        // had at the last pong would be asked for again and again: with a question always open no
+        // pong would find the moment to say so.
         self.asked[stream.idx()] = Asked::default();
+        let batches = self.given_up(stream);
+        self.passed(batches)
     }
 
     /// A payload that is no message of ours, said once: a wrong board sends ninety a second.
@@ -192,6 +227,7 @@ impl Board {
                         self.clock = Clock::default();
                     }
                     self.end_idx = [0; N_STREAMS];
+                    self.oldest_idx = [None; N_STREAMS];
                     self.asked = [Asked::default(); N_STREAMS];
                 }
                 self.heard = Some((session_id, now_ns));
@@ -299,14 +335,34 @@ mod tests {
     #[test]
     fn a_batch_that_only_a_pong_tells_of_is_asked_for_and_once_at_a_time() {
         let mut board = Board::new(Camera::Left);
+        know_the_clock(&mut board, 7, 0);
         know_the_clock(&mut board, 7, 3);
         let questions = board.questions(1_000_000_000);
         assert_eq!(questions.len(), 2);
         assert!(questions.iter().all(|q| (q.session_id, q.first_idx, q.end_idx) == (7, 0, 3)));
         assert!(board.questions(1_100_000_000).is_empty(), "the answer may still come");
-        board.note_answered(Stream::FramesInfo);
+        assert!(board.note_answered(Stream::FramesInfo).is_empty());
         assert_eq!(board.questions(1_200_000_000).len(), 1);
         assert_eq!(board.questions(9_000_000_000).len(), 2, "it did not come");
+    }
+
+    #[test]
+    fn who_joins_late_asks_once_for_what_the_board_no_longer_has() {
+        let mut board = Board::new(Camera::Left);
+        let newest = batch(7, 5000, vec![info(5000, 0)]);
+        assert!(board.take_batch(Stream::FramesInfo, newest, 0).is_empty());
+        assert!(know_the_clock(&mut board, 7, 5001).is_empty());
+        // The last part of what it has.
+        let asked = board.questions(500_000_001);
+        assert_eq!(asked.iter().map(|missing| missing.first_idx).collect::<Vec<u64>>(), [3500; 2]);
+        // The pong comes while the answer is on its way, as it does if one is always asked for.
+        let (sent_ns, answered_ns) = (550_000_000, 550_100_000 + AHEAD_NS);
+        let (oldest_idx, end_idx) = ([5000; N_STREAMS], [5001; N_STREAMS]);
+        let received_ns = answered_ns;
+        let pong = Pong { sent_ns, received_ns, answered_ns, session_id: 7, oldest_idx, end_idx };
+        assert!(board.take_pong(&pong, sent_ns + 200_000).is_empty());
+        let messages = board.note_answered(Stream::FramesInfo);
+        assert_eq!((messages.len(), board.link(true, 0).n_lost), (1, 0));
     }
 
     #[test]

@@ -185,8 +185,7 @@ impl Inbound<'_> {
             }
             News::Answered(camera, stream) => {
                 tracing::debug!("the {camera} board has answered for {}", stream.name());
-                self.sides[camera.idx()].board.note_answered(stream);
-                return Ok(());
+                self.sides[camera.idx()].board.note_answered(stream)
             }
             News::Refused(camera, why) => {
                 self.sides[camera.idx()].board.refuse(&why);

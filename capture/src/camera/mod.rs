@@ -1,7 +1,7 @@
 //! Light → frames of a camera, on this machine's clock.
 //!
-//! [`Camera`] is the door every kind of camera stands behind: [`usb`] by V4L2, and `libcamera`
-//! (feature of that name) for the cameras of a Raspberry Pi. [`modes`] is what the sensors can do,
+//! [`Camera`] is the door every kind of camera stands behind: [`usb`] by V4L2, `libcamera` (feature
+//! of that name) for the cameras of a Raspberry Pi, [`recorded`] for one that is not there. [`modes`] is what the sensors can do,
 //! [`clock`] puts their stamps on our clock, [`steady`] keeps one that is too fast at its rate, and
 //! [`pixels`] copies luma out of a camera's memory, once. [`listed`] shows what is there.
 
@@ -11,6 +11,7 @@ pub mod libcamera;
 pub mod listed;
 pub mod modes;
 pub mod pixels;
+pub mod recorded;
 pub mod steady;
 pub mod usb;
 

@@ -25,10 +25,13 @@ pub struct Usage {
     processes: Vec<(String, u32, f64, Memory)>,
 }
 
+/// Memory of a process.
 #[derive(Debug, Clone, Copy, Default)]
-struct Memory {
-    private_kib: u64,
-    shared_kib: u64,
+pub struct Memory {
+    /// Its own, KiB.
+    pub private_kib: u64,
+    /// Shared with others, KiB.
+    pub shared_kib: u64,
 }
 
 impl Usage {
@@ -59,8 +62,11 @@ impl Usage {
     }
 }
 
-/// Time of a processor since the process began: fields 14 and 15 of proc(5)'s stat.
-fn processor_s(pid: u32) -> anyhow::Result<f64> {
+/// Time of a processor (s) since the process began: fields 14 and 15 of proc(5)'s stat.
+///
+/// # Errors
+/// When there is no such process.
+pub fn processor_s(pid: u32) -> anyhow::Result<f64> {
     let path = format!("/proc/{pid}/stat");
     let text = std::fs::read_to_string(&path).context(path)?;
     // The name may hold spaces and brackets; what follows the last bracket does not.
@@ -69,7 +75,11 @@ fn processor_s(pid: u32) -> anyhow::Result<f64> {
     Ok((ticks(12) + ticks(13)) as f64 / rustix::param::clock_ticks_per_second() as f64)
 }
 
-fn memory(pid: u32) -> anyhow::Result<Memory> {
+/// Memory of a process, from proc(5)'s smaps_rollup.
+///
+/// # Errors
+/// When there is no such process, or it is not ours.
+pub fn memory(pid: u32) -> anyhow::Result<Memory> {
     let path = format!("/proc/{pid}/smaps_rollup");
     let text = std::fs::read_to_string(&path).context(path)?;
     let mut memory = Memory::default();
