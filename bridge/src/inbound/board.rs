@@ -20,9 +20,9 @@ const ANSWER_WITHIN_NS: i64 = 3_000_000_000;
 /// Pause between two questions for what is missing.
 const ASK_EVERY_NS: i64 = 50_000_000;
 
-/// Of what a running board has kept, whoever joins asks for this part, 3 s: what may be in the air.
+/// Of what a running board has kept, whoever joins asks for this part, 2 s: what may be in the air.
 /// The whole would have to be read before anything new is (1.5 s, measured).
-const JOINED_SHARE: f64 = 0.3;
+const JOINED_SHARE: f64 = 0.2;
 
 /// Most messages that wait for the clock to be known: 10 s of a board with eight workers.
 const MAX_WAITING: usize = 8192;
@@ -45,8 +45,9 @@ pub struct Board {
     end_idx: [u64; N_STREAMS],
     /// The oldest batch of each stream that the board had at the last pong.
     oldest_idx: [Option<u64>; N_STREAMS],
-    /// Whether a run was heard to which we came late, or which came to us.
+    /// Whether it is known from where on batches are wanted, and from where.
     has_joined: bool,
+    wanted_from_idx: [u64; N_STREAMS],
     asked: [Asked; N_STREAMS],
     clock: Clock,
     waiting: Vec<Message>,
@@ -65,6 +66,7 @@ impl Board {
             end_idx: [0; N_STREAMS],
             oldest_idx: [None; N_STREAMS],
             has_joined: false,
+            wanted_from_idx: [0; N_STREAMS],
             asked: [Asked::default(); N_STREAMS],
             clock: Clock::default(),
             waiting: Vec::new(),
@@ -102,12 +104,13 @@ impl Board {
             // What was sent just before this pong may still arrive after it.
             self.orders[idx].note_end(pong.session_id, self.end_idx[idx]);
             let (oldest_idx, end_idx) = (pong.oldest_idx[idx], pong.end_idx[idx]);
-            let n_wanted = match self.has_joined {
-                true => u64::MAX,
-                false => (end_idx.saturating_sub(oldest_idx) as f64 * JOINED_SHARE).ceil() as u64,
-            };
+            if !self.has_joined {
+                let n_kept = end_idx.saturating_sub(oldest_idx);
+                let n_wanted = (n_kept as f64 * JOINED_SHARE).ceil() as u64;
+                self.wanted_from_idx[idx] = end_idx.saturating_sub(n_wanted);
+            }
             self.end_idx[idx] = end_idx;
-            self.oldest_idx[idx] = Some(oldest_idx.max(end_idx.saturating_sub(n_wanted)));
+            self.oldest_idx[idx] = Some(oldest_idx.max(self.wanted_from_idx[idx]));
             if !self.asked[idx].is_open {
                 batches.extend(self.given_up(stream));
             }
@@ -228,6 +231,7 @@ impl Board {
                     }
                     self.end_idx = [0; N_STREAMS];
                     self.oldest_idx = [None; N_STREAMS];
+                    self.wanted_from_idx = [0; N_STREAMS];
                     self.asked = [Asked::default(); N_STREAMS];
                 }
                 self.heard = Some((session_id, now_ns));
@@ -354,7 +358,7 @@ mod tests {
         assert!(know_the_clock(&mut board, 7, 5001).is_empty());
         // The last part of what it has.
         let asked = board.questions(500_000_001);
-        assert_eq!(asked.iter().map(|missing| missing.first_idx).collect::<Vec<u64>>(), [3500; 2]);
+        assert_eq!(asked.iter().map(|missing| missing.first_idx).collect::<Vec<u64>>(), [4000; 2]);
         // The pong comes while the answer is on its way, as it does if one is always asked for.
         let (sent_ns, answered_ns) = (550_000_000, 550_100_000 + AHEAD_NS);
         let (oldest_idx, end_idx) = ([5000; N_STREAMS], [5001; N_STREAMS]);
