@@ -90,7 +90,9 @@ impl<T: Message> MessageService<T> {
             .max_loaned_samples(1)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
-            .map_err(|e| refused("write")(&e))?;
+            .map_err(|e| {
+                refused(format!("write {} (does another process?)", self.data.name()))(&e)
+            })?;
         Ok(MessageWriter { publisher, notifier: notifier_of(&self.wake)? })
     }
 
@@ -100,7 +102,8 @@ impl<T: Message> MessageService<T> {
     /// When there are too many readers already.
     pub fn reader(&self) -> Result<MessageReader<T>, Error> {
         let subscriber = self.data.subscriber_builder().create();
-        Ok(MessageReader(subscriber.map_err(|e| refused("read")(&e))?))
+        let reader = subscriber.map_err(|e| refused(format!("read {}", self.data.name()))(&e))?;
+        Ok(MessageReader(reader))
     }
 
     /// An alarm that goes off when something is sent.

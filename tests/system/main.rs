@@ -9,6 +9,7 @@ mod board; // a board whose processes die, under its launcher
 mod chessboard; // pictures of a board become a rig
 mod commands; // what boards are told to do
 mod court; // pictures of a court's lines become a rig
+mod faults; // a whole court whose processes are killed, and what is promised of it
 mod filmed; // a board for cameras that are not there
 mod hostile; // files damaged at random are read or refused
 mod hosts; // hosts of one network, and how bad it is

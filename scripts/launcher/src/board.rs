@@ -6,6 +6,7 @@ use crate::flags::Flags;
 use crate::memory::Memory;
 use crate::plans;
 use crate::status::{Status, Words};
+use crate::stuck::STUCK_AFTER;
 use crate::supervisor::{Event, Supervisor};
 use crate::{Error, processes, systemd};
 use rustix::thread::{CpuSet, sched_getaffinity};
@@ -109,6 +110,7 @@ impl Board<'_> {
                 }
             }
             memory.take()?;
+            self.kill_stuck(memory);
             if self.told.at.elapsed() >= STATUS_EVERY {
                 self.tell(memory);
             }
@@ -126,6 +128,19 @@ impl Board<'_> {
             wait => format!("started again in {} s", wait.as_secs_f64()),
         };
         self.words.say(&format!("{name} {how}; {again}"));
+    }
+
+    /// A worker that does nothing is no better than a dead one.
+    fn kill_stuck(&mut self, memory: &mut Memory) {
+        for idx in memory.answers.stuck(self.supervisor.n_workers(), Instant::now()) {
+            if self.supervisor.kill_worker(idx, STUCK_AFTER) {
+                let seconds = STUCK_AFTER.as_secs();
+                self.words.say(&format!(
+                    "worker {idx} is done with no frame for {seconds} s: it is killed"
+                ));
+            }
+            memory.answers.update(idx);
+        }
     }
 
     fn tell(&mut self, memory: &Memory) {

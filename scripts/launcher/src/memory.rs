@@ -1,10 +1,12 @@
 //! The board's shared memory → its account, and its clock; cleared of what dead processes left.
 
 use crate::account::Account;
+use crate::stuck::Answers;
 use shm_layout::ports::{MessageReader, MessageService};
 use shm_layout::services::{Domain, Error, Member};
 use shm_layout::stamp::{OWN_CLOCK, now_ns};
 use shm_layout::{FrameInfo, Link, StripCandidates};
+use std::time::Instant;
 
 /// The clock is not known any more when nobody has told for so long.
 const TOLD_WITHIN_NS: i64 = 2_000_000_000;
@@ -18,6 +20,8 @@ pub struct Memory {
     link: Option<Link>,
     /// Every frame so far.
     pub account: Account,
+    /// Which of them workers have not answered.
+    pub answers: Answers,
     /// Dropped last: what it opened goes with it.
     _member: Member,
 }
@@ -41,8 +45,8 @@ impl Memory {
         let infos =
             if after_bridge { Infos::AfterBridge(infos) } else { Infos::Read(infos.reader()?) };
         let (strips, links) = (member.candidates()?.reader()?, member.links()?.reader()?);
-        let account = Account::default();
-        Ok(Self { infos, strips, links, link: None, account, _member: member })
+        let (account, answers) = (Account::default(), Answers::default());
+        Ok(Self { infos, strips, links, link: None, account, answers, _member: member })
     }
 
     /// Takes in all that is there.
@@ -58,10 +62,12 @@ impl Memory {
         if let Infos::Read(infos) = &self.infos {
             while let Some(info) = infos.receive()? {
                 self.account.update_info(&info);
+                self.answers.update_frame(Instant::now());
             }
         }
         while let Some(strip) = self.strips.receive()? {
             self.account.update(&strip);
+            self.answers.update(strip.strip_idx);
         }
         while let Some(link) = self.links.receive()? {
             self.link = Some(*link);

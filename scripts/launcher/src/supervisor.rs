@@ -159,6 +159,26 @@ impl Supervisor {
         Ok(events)
     }
 
+    /// Workers that were started.
+    #[must_use]
+    pub fn n_workers(&self) -> u32 {
+        let workers = self.residents.iter().filter(|resident| resident.plan.role == Role::Worker);
+        workers.count() as u32
+    }
+
+    /// Kills a worker that has run for so long, if it has; it is started again like any dead one.
+    pub fn kill_worker(&mut self, strip_idx: u32, lived: Duration) -> bool {
+        let mut workers =
+            self.residents.iter().filter(|resident| resident.plan.role == Role::Worker);
+        match workers.nth(strip_idx as usize).map(|worker| &worker.state) {
+            Some(State::Running { child, since, .. }) if since.elapsed() >= lived => {
+                signal(child, Signal::KILL);
+                true
+            }
+            _ => false,
+        }
+    }
+
     /// How often something was started again.
     #[must_use]
     pub fn n_restarts(&self) -> u64 {

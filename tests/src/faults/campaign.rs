@@ -34,8 +34,8 @@ const LAST_SHOT_WITHIN_NS: i64 = 1_500_000_000;
 /// How often processes are gauged.
 const GAUGE_EVERY: Duration = Duration::from_secs(5);
 
-/// For how long a part is stood still.
-const STILL_MS: std::ops::Range<u64> = 100..3000;
+/// For how long a part is stood still: a worker that is longer is taken for stuck, and killed.
+const STILL_MS: std::ops::Range<u64> = 100..1500;
 
 /// What is done, and for how long.
 #[derive(Debug, Clone, Serialize)]

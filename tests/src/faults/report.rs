@@ -1,27 +1,20 @@
 //! What happened at a site → whether every promise was kept, in figures and words.
 
+use super::balance::{Balls, Frames, balls_from, frames_from, quantile};
 use super::campaign::{Fault, Kind, Plan, Told};
 use super::gauges::Gauges;
 use super::keeper::End;
 use super::part::Part;
-use super::served::{BallKey, Flown, Held};
+use super::served::Flown;
 use super::site::BoardEnd;
 use crate::witness::Seen;
 use serde::Serialize;
 use shm_layout::{Camera, StampNs};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// A process is away for so long at most; what is asked of it.
 const RECOVERED_WITHIN_MS: f64 = 1000.0;
-
-/// A ball that flew within this of a fault may be lost by it: what is in the air before the next
-/// frame, and afterwards the half second in which a worker learns the background anew.
-const BEFORE_NS: i64 = 100_000_000;
-const AFTERWARDS_NS: i64 = 1_000_000_000;
-
-/// Messages of a killed bridge may have been on their way for so long.
-const ON_THE_WAY_NS: i64 = 100_000_000;
 
 /// Memory may grow until then, s.
 pub const GROWN_AFTER_S: f64 = 600.0;
@@ -68,44 +61,6 @@ pub struct PartReport {
     pub last: Option<(f64, usize)>,
 }
 
-/// Balls, by what became of them.
-#[derive(Debug, Clone, Default, Serialize)]
-pub struct Balls {
-    /// That bounced.
-    pub n_served: usize,
-    /// Shots within their own 99.9 % ellipse.
-    pub n_measured: usize,
-    /// Without one, but with a fault during the flight.
-    pub n_explained: usize,
-    /// Without one, and without a reason.
-    pub unexplained: Vec<String>,
-    /// Outside of their ellipse, or of no ball.
-    pub wrong: Vec<String>,
-    /// Shots that say that no bounce was measured.
-    pub n_without_bounce: usize,
-    /// Mean distance from the truth, mm.
-    pub mean_off_mm: f64,
-    /// From the bounce until the shot was told, ms: p50, p99, most.
-    pub told_after_ms: [f64; 3],
-}
-
-/// Frames of both boards.
-#[derive(Debug, Clone, Default, Serialize)]
-pub struct Frames {
-    /// Captured and complete on the board.
-    pub n_captured: [u64; 2],
-    /// The same.
-    pub n_complete: [u64; 2],
-    /// Complete on a board, not beside fusion, and no bridge was away.
-    pub unexplained: Vec<String>,
-    /// Numbers of the calm time that were not complete on the board, or not beside fusion.
-    pub n_lost_in_calm: u64,
-    /// Frames of the calm time.
-    pub n_in_calm: u64,
-    /// From published to complete beside fusion in the calm time, ms: p50, p99, most.
-    pub way_ms: [f64; 3],
-}
-
 /// What came of it.
 #[derive(Debug, Serialize)]
 pub struct Report {
@@ -121,6 +76,9 @@ pub struct Report {
     pub frames: Frames,
     /// What was promised and not kept, in words.
     pub broken: Vec<String>,
+    /// Who was away for longer than a second, and frames lost though nothing was done: what is
+    /// promised of a machine that does nothing else.
+    pub slow: Vec<String>,
     /// What processes took.
     pub gauges: Gauges,
     /// When faults were, s, whom they met, and whether it was killed.
@@ -137,112 +95,14 @@ impl Report {
         let frames = frames_from(&inputs);
         let parts = parts_from(faults, gauges);
         let broken = broken_from(&inputs, &balls, &frames, &parts);
+        let slow = slow_from(faults, &frames);
         let s = |at_ns: StampNs| (at_ns - begun_ns) as f64 * 1e-9;
         let told_faults = faults.iter().map(|f| (s(f.at_ns), f.part.to_string(), f.kind)).collect();
         let (plan, length_s) = (plan.clone(), s(windows_ns[1][1]));
         let gauges = inputs.gauges;
-        Self { plan, length_s, parts, balls, frames, broken, gauges, faults: told_faults }
+        let faults = told_faults;
+        Self { plan, length_s, parts, balls, frames, broken, slow, gauges, faults }
     }
-}
-
-fn balls_from(served: &[Flown], told: &[Told], faults: &[Fault]) -> Balls {
-    let mut balls = Balls { n_served: served.len(), ..Balls::default() };
-    let (mut measured, mut off_m, mut after_ms) = (BTreeSet::new(), Vec::new(), Vec::new());
-    let of = |key: BallKey| format!("ball {} of lap {}", key.ball_idx + 1, key.lap);
-    for shot in told {
-        match shot.held {
-            Held::Right(key, off) => {
-                if !measured.insert(key) {
-                    balls.wrong.push(format!("{} was told twice", of(key)));
-                }
-                off_m.push(off);
-                after_ms.push(shot.after_ms);
-            }
-            Held::Wrong(key, off) => {
-                balls.wrong.push(format!("{}: off by {:.1} mm", of(key), off * 1e3));
-            }
-            Held::WithoutBounce => balls.n_without_bounce += 1,
-            Held::Invented => balls.wrong.push("a shot that nobody served".to_owned()),
-        }
-    }
-    for flown in served {
-        if measured.contains(&flown.key) {
-            balls.n_measured += 1;
-        } else if is_explained(flown, faults) {
-            balls.n_explained += 1;
-        } else {
-            balls.unexplained.push(of(flown.key));
-        }
-    }
-    balls.mean_off_mm = off_m.iter().sum::<f64>() / off_m.len().max(1) as f64 * 1e3;
-    balls.told_after_ms = [0.5, 0.99, 1.0].map(|share| quantile(&mut after_ms, share));
-    balls
-}
-
-fn is_explained(flown: &Flown, faults: &[Fault]) -> bool {
-    let until_ns = flown.bounced_ns.unwrap_or(flown.launched_ns);
-    faults.iter().any(|fault| {
-        fault.part.is_needed_for_shots()
-            && fault.at_ns - BEFORE_NS < until_ns + AFTERWARDS_NS
-            && fault.recovered_ns + AFTERWARDS_NS > flown.launched_ns
-    })
-}
-
-fn frames_from(inputs: &Inputs) -> Frames {
-    let Inputs { windows_ns, faults, seen_on_boards, seen_at_fusion, .. } = inputs;
-    let away = faults.iter().filter(|fault| fault.part.is_bridge());
-    let away = away.map(|fault| fault.at_ns - ON_THE_WAY_NS..=fault.recovered_ns);
-    // Before the first frame beside fusion the bridges were not there yet either.
-    let firsts = [0, 1].map(|idx: u32| {
-        let of_camera = seen_at_fusion.frames.values().filter(move |f| f.camera_idx == idx);
-        of_camera.map(|frame| frame.published_ns).min().unwrap_or_default()
-    });
-    let away: Vec<_> = away.chain([StampNs::MIN..=firsts[0].max(firsts[1])]).collect();
-    let calm_ns = windows_ns[0];
-    let mut frames = Frames::default();
-    let mut way_ms = Vec::new();
-    for (board, seen) in seen_on_boards.iter().enumerate() {
-        frames.n_captured[board] = seen.n_captured();
-        frames.n_complete[board] = seen.n_complete;
-        let mut ends: BTreeMap<u64, [u64; 3]> = BTreeMap::new();
-        for (key @ (recording_id, frame_idx), frame) in &seen.frames {
-            let there = seen_at_fusion.frames.get(key).and_then(|there| there.complete_ns);
-            let is_away = away.iter().any(|window| window.contains(&frame.published_ns));
-            let is_missed = frame.complete_ns.is_some() && there.is_none() && !is_away;
-            if is_missed {
-                frames.unexplained.push(missed_text(board, *frame_idx, frame.published_ns, faults));
-            }
-            if calm_ns[0] <= frame.published_ns && frame.published_ns < calm_ns[1] {
-                let [first, last, n_there] =
-                    ends.entry(*recording_id).or_insert([*frame_idx, 0, 0]);
-                *last = *frame_idx + 1;
-                *first = (*first).min(*frame_idx);
-                *n_there += u64::from(frame.complete_ns.is_some() && there.is_some());
-                way_ms.extend(there.map(|at_ns| (at_ns - frame.published_ns) as f64 * 1e-6));
-            }
-        }
-        for [first, last, n_there] in ends.into_values() {
-            frames.n_in_calm += last - first;
-            frames.n_lost_in_calm += last - first - n_there;
-        }
-    }
-    frames.way_ms = [0.5, 0.99, 1.0].map(|share| quantile(&mut way_ms, share));
-    frames
-}
-
-/// Which frame, and the last fault before it.
-fn missed_text(board: usize, frame_idx: u64, at_ns: StampNs, faults: &[Fault]) -> String {
-    let before = faults.iter().rfind(|fault| fault.at_ns < at_ns + ON_THE_WAY_NS);
-    let after = before.map_or("no fault before".to_owned(), |fault| {
-        let ms = (at_ns - fault.at_ns) as f64 * 1e-6;
-        format!(
-            "{ms:.0} ms after {} ({:?}), away {:.0} ms",
-            fault.part,
-            fault.kind,
-            fault.recovery_ms()
-        )
-    });
-    format!("frame {frame_idx} of board {board}, {after}")
 }
 
 fn parts_from(faults: &[Fault], gauges: &Gauges) -> BTreeMap<String, PartReport> {
@@ -264,7 +124,18 @@ fn parts_from(faults: &[Fault], gauges: &Gauges) -> BTreeMap<String, PartReport>
     parts
 }
 
-/// Every promise, looked at.
+fn slow_from(faults: &[Fault], frames: &Frames) -> Vec<String> {
+    let slow = faults.iter().filter(|fault| fault.recovery_ms() > RECOVERED_WITHIN_MS);
+    let words = |fault: &Fault| {
+        format!("{} ({:?}) was back after {:.0} ms", fault.part, fault.kind, fault.recovery_ms())
+    };
+    let n_lost = frames.n_lost_in_calm;
+    let lost =
+        (n_lost > 0).then(|| format!("{n_lost} of {} frames lost in calm", frames.n_in_calm));
+    slow.map(words).chain(lost).collect()
+}
+
+/// Every other promise, looked at.
 fn broken_from(
     inputs: &Inputs,
     balls: &Balls,
@@ -280,12 +151,9 @@ fn broken_from(
     promise(balls.unexplained.is_empty(), format!("not measured: {:?}", balls.unexplained));
     promise(balls.wrong.is_empty(), format!("wrong shots: {:?}", balls.wrong));
     let lost = &frames.unexplained;
-    promise(lost.is_empty(), format!("{} lost on the way: {:?}", lost.len(), lost.first()));
-    promise(frames.n_lost_in_calm == 0, format!("{} lost in calm", frames.n_lost_in_calm));
+    promise(lost.is_empty(), format!("{} lost on the way: {lost:?}", lost.len()));
     for fault in &inputs.faults {
         let Fault { part, kind, took_along, .. } = fault;
-        let ms = fault.recovery_ms();
-        promise(ms <= RECOVERED_WITHIN_MS, format!("{part} ({kind:?}) came back after {ms:.0} ms"));
         promise(took_along.is_empty(), format!("{part} ({kind:?}) took along {took_along:?}"));
     }
     for (name, PartReport { growth_mib, .. }) in parts {
@@ -320,13 +188,6 @@ fn broken_from(
     }
     promise(inputs.left.is_empty(), format!("left in shared memory: {:?}", inputs.left));
     broken
-}
-
-/// The value that `share` of them do not exceed; not a number of none.
-fn quantile(values: &mut [f64], share: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let idx = (values.len() as f64 * share) as usize;
-    values.get(idx.min(values.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
 }
 
 impl fmt::Display for Report {
@@ -391,6 +252,7 @@ impl fmt::Display for Report {
         let [first, last] = [files.first(), files.last()].map(|n| n.copied().unwrap_or(0));
         let most = files.iter().max().copied().unwrap_or(0);
         writeln!(f, "files in shared memory: {first} at first, {most} at most, {last} at last")?;
+        self.slow.iter().try_for_each(|words| writeln!(f, "SLOW: {words}"))?;
         match self.broken.is_empty() {
             true => writeln!(f, "every promise was kept"),
             false => self.broken.iter().try_for_each(|words| writeln!(f, "BROKEN: {words}")),

@@ -5,6 +5,7 @@
 use super::keeper::{End, Keeper, Unit};
 use super::part::{N_WORKERS, Part};
 use super::served::Served;
+use super::spoiled::{Spoiled, spoil};
 use crate::processes::{binary, free_endpoint, own_court};
 use crate::scenario::{Scenario, ScenarioOptions};
 use crate::shot_folder;
@@ -19,12 +20,16 @@ use shm_layout::stamp::now_ns;
 use shm_layout::{Camera, StampNs};
 use std::ffi::OsString;
 use std::fs::File;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Empty court after the last ball of a lap.
 const PAUSE_S: f64 = 1.0;
+
+/// Where in a site's folder the recorder keeps its files.
+pub const KEPT: &str = "kept";
 
 /// What a site is made of.
 #[derive(Debug, Clone)]
@@ -33,6 +38,8 @@ pub struct SiteOptions {
     pub seed: u64,
     /// Different balls; then they are served again.
     pub n_shots: usize,
+    /// Frames of the second before a lap ends that are spoiled, and how.
+    pub spoiled: Vec<(Range<u64>, Spoiled)>,
     /// Where recordings and words go; needs 50 MB a ball and camera.
     pub folder: PathBuf,
 }
@@ -141,7 +148,7 @@ impl Site {
     pub fn newest_recording_grows_since(&self, since_ns: StampNs) -> bool {
         let age_ns = now_ns() - since_ns;
         let since = SystemTime::now() - Duration::from_nanos(age_ns.max(0).unsigned_abs());
-        let files = std::fs::read_dir(&self.folder).into_iter().flatten().flatten();
+        let files = std::fs::read_dir(self.folder.join(KEPT)).into_iter().flatten().flatten();
         let recordings = files
             .filter(|file| file.path().extension().is_some_and(|extension| extension == "mcap"));
         let times = recordings.filter_map(|file| file.metadata().and_then(|m| m.modified()).ok());
@@ -249,6 +256,14 @@ fn film(options: &SiteOptions, say: impl Fn(f64) + Sync) -> anyhow::Result<Serve
     let said = |n: u64| say(n as f64 / n_frames as f64);
     shot_folder::write(&options.folder, &scenario, &truth, n_frames, said)
         .with_context(|| options.folder.display().to_string())?;
+    let pause_from = n_frames - (PAUSE_S * scenario.frame_rate_hz) as u64;
+    for camera in Camera::BOTH {
+        let recording = options.folder.join(format!("{camera}.y4m"));
+        for (frames, how) in &options.spoiled {
+            let frames = pause_from + frames.start..pause_from + frames.end;
+            spoil(&recording, frames, *how, options.seed)?;
+        }
+    }
     Served::new(&options.folder.join("left.timestamps"), &truth)
 }
 
@@ -273,7 +288,8 @@ fn units(court: &str, folder: &Path, endpoint: &str, page: &str) -> anyhow::Resu
         "--rig".into(),
         rig,
     ];
-    let recordings = folder.to_owned();
+    let recordings = folder.join(KEPT);
+    std::fs::create_dir_all(&recordings).with_context(|| recordings.display().to_string())?;
     let of_court: [OsString; 4] =
         ["--court".into(), court.into(), "--place".into(), "fusion".into()];
     let recorder = Unit {

@@ -1,0 +1,165 @@
+//! Balls that were served, shots that were told, frames that were seen → what became of each.
+
+use super::campaign::{Fault, Told};
+use super::report::Inputs;
+use super::served::{BallKey, Flown, Held};
+use serde::Serialize;
+use shm_layout::StampNs;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A ball that flew within this of a fault may be lost by it: what is in the air before the next
+/// frame, and afterwards the half second in which a worker learns the background anew.
+const BEFORE_NS: i64 = 100_000_000;
+const AFTERWARDS_NS: i64 = 1_000_000_000;
+
+/// Messages of a killed bridge may have been on their way for so long.
+const ON_THE_WAY_NS: i64 = 100_000_000;
+
+/// Balls, by what became of them.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Balls {
+    /// That bounced.
+    pub n_served: usize,
+    /// Shots within their own 99.9 % ellipse.
+    pub n_measured: usize,
+    /// Without one, but with a fault during the flight.
+    pub n_explained: usize,
+    /// Without one, and without a reason.
+    pub unexplained: Vec<String>,
+    /// Outside of their ellipse, or of no ball.
+    pub wrong: Vec<String>,
+    /// Shots that say that no bounce was measured.
+    pub n_without_bounce: usize,
+    /// Mean distance from the truth, mm.
+    pub mean_off_mm: f64,
+    /// From the bounce until the shot was told, ms: p50, p99, most.
+    pub told_after_ms: [f64; 3],
+}
+
+/// Frames of both boards.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Frames {
+    /// Captured and complete on the board.
+    pub n_captured: [u64; 2],
+    /// The same.
+    pub n_complete: [u64; 2],
+    /// Complete on a board, not beside fusion, and no bridge was away.
+    pub unexplained: Vec<String>,
+    /// Numbers of the calm time that were not complete on the board, or not beside fusion.
+    pub n_lost_in_calm: u64,
+    /// Frames of the calm time.
+    pub n_in_calm: u64,
+    /// From published to complete beside fusion in the calm time, ms: p50, p99, most.
+    pub way_ms: [f64; 3],
+}
+
+/// Draws the balance of balls.
+#[must_use]
+pub fn balls_from(served: &[Flown], told: &[Told], faults: &[Fault]) -> Balls {
+    let mut balls = Balls { n_served: served.len(), ..Balls::default() };
+    let (mut measured, mut off_m, mut after_ms) = (BTreeSet::new(), Vec::new(), Vec::new());
+    let of = |key: BallKey| format!("ball {} of lap {}", key.ball_idx + 1, key.lap);
+    for shot in told {
+        match shot.held {
+            Held::Right(key, off) => {
+                if !measured.insert(key) {
+                    balls.wrong.push(format!("{} was told twice", of(key)));
+                }
+                off_m.push(off);
+                after_ms.push(shot.after_ms);
+            }
+            Held::Wrong(key, off) => {
+                balls.wrong.push(format!("{}: off by {:.1} mm", of(key), off * 1e3));
+            }
+            Held::WithoutBounce => balls.n_without_bounce += 1,
+            Held::Invented => balls.wrong.push("a shot that nobody served".to_owned()),
+        }
+    }
+    for flown in served {
+        if measured.contains(&flown.key) {
+            balls.n_measured += 1;
+        } else if is_explained(flown, faults) {
+            balls.n_explained += 1;
+        } else {
+            balls.unexplained.push(of(flown.key));
+        }
+    }
+    balls.mean_off_mm = off_m.iter().sum::<f64>() / off_m.len().max(1) as f64 * 1e3;
+    balls.told_after_ms = [0.5, 0.99, 1.0].map(|share| quantile(&mut after_ms, share));
+    balls
+}
+
+fn is_explained(flown: &Flown, faults: &[Fault]) -> bool {
+    let until_ns = flown.bounced_ns.unwrap_or(flown.launched_ns);
+    faults.iter().any(|fault| {
+        fault.part.is_needed_for_shots()
+            && fault.at_ns - BEFORE_NS < until_ns + AFTERWARDS_NS
+            && fault.recovered_ns + AFTERWARDS_NS > flown.launched_ns
+    })
+}
+
+/// Draws the balance of frames.
+#[must_use]
+pub fn frames_from(inputs: &Inputs) -> Frames {
+    let Inputs { windows_ns, faults, seen_on_boards, seen_at_fusion, .. } = inputs;
+    let away = faults.iter().filter(|fault| fault.part.is_bridge());
+    let away = away.map(|fault| fault.at_ns - ON_THE_WAY_NS..=fault.recovered_ns);
+    // Before the first frame beside fusion the bridges were not there yet either.
+    let firsts = [0, 1].map(|idx: u32| {
+        let of_camera = seen_at_fusion.frames.values().filter(move |f| f.camera_idx == idx);
+        of_camera.map(|frame| frame.published_ns).min().unwrap_or_default()
+    });
+    let away: Vec<_> = away.chain([StampNs::MIN..=firsts[0].max(firsts[1])]).collect();
+    let calm_ns = windows_ns[0];
+    let mut frames = Frames::default();
+    let mut way_ms = Vec::new();
+    for (board, seen) in seen_on_boards.iter().enumerate() {
+        frames.n_captured[board] = seen.n_captured();
+        frames.n_complete[board] = seen.n_complete;
+        let mut ends: BTreeMap<u64, [u64; 3]> = BTreeMap::new();
+        for (key @ (recording_id, frame_idx), frame) in &seen.frames {
+            let there = seen_at_fusion.frames.get(key).and_then(|there| there.complete_ns);
+            let is_away = away.iter().any(|window| window.contains(&frame.published_ns));
+            let is_missed = frame.complete_ns.is_some() && there.is_none() && !is_away;
+            if is_missed {
+                frames.unexplained.push(missed_text(board, *frame_idx, frame.published_ns, faults));
+            }
+            if calm_ns[0] <= frame.published_ns && frame.published_ns < calm_ns[1] {
+                let [first, last, n_there] =
+                    ends.entry(*recording_id).or_insert([*frame_idx, 0, 0]);
+                *last = *frame_idx + 1;
+                *first = (*first).min(*frame_idx);
+                *n_there += u64::from(frame.complete_ns.is_some() && there.is_some());
+                way_ms.extend(there.map(|at_ns| (at_ns - frame.published_ns) as f64 * 1e-6));
+            }
+        }
+        for [first, last, n_there] in ends.into_values() {
+            frames.n_in_calm += last - first;
+            frames.n_lost_in_calm += last - first - n_there;
+        }
+    }
+    frames.way_ms = [0.5, 0.99, 1.0].map(|share| quantile(&mut way_ms, share));
+    frames
+}
+
+/// Which frame, and the faults around it.
+fn missed_text(board: usize, frame_idx: u64, at_ns: StampNs, faults: &[Fault]) -> String {
+    let words = |fault: Option<&Fault>| {
+        fault.map_or("nothing".to_owned(), |fault| {
+            let Fault { part, kind, .. } = fault;
+            let ms = (fault.at_ns - at_ns) as f64 * 1e-6;
+            format!("{part} ({kind:?}, back in {:.0} ms) at {ms:+.0} ms", fault.recovery_ms())
+        })
+    };
+    let before = words(faults.iter().rfind(|fault| fault.at_ns < at_ns));
+    let after = words(faults.iter().find(|fault| fault.at_ns >= at_ns));
+    format!("frame {frame_idx} of board {board}, between {before} and {after}")
+}
+
+/// The value that `share` of them do not exceed; not a number of none.
+#[must_use]
+pub fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let idx = (values.len() as f64 * share) as usize;
+    values.get(idx.min(values.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
+}
