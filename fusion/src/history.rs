@@ -108,6 +108,14 @@ impl History {
         self.sides[camera.idx()].frames.back()
     }
 
+    /// When a camera's next frame should be exposed, if it goes on as with the last two.
+    #[must_use]
+    pub fn next_ns(&self, camera: Camera) -> Option<StampNs> {
+        let mut back = self.sides[camera.idx()].frames.iter().rev();
+        let (newest, before) = (back.next()?, back.next()?);
+        Some(newest.t_ns.saturating_add(newest.t_ns.saturating_sub(before.t_ns)))
+    }
+
     /// Frames of a camera from a time on, earliest first.
     pub fn since(&self, camera: Camera, t_ns: StampNs) -> impl DoubleEndedIterator<Item = &Kept> {
         let frames = &self.sides[camera.idx()].frames;

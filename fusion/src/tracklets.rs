@@ -216,6 +216,12 @@ impl Tracklet {
         touch_ns.map_or(self.last_ns, |touch_ns| later_ns(touch_ns, SILENCE_S))
     }
 
+    /// Whether it is followed and was not followed through a bounce yet.
+    #[must_use]
+    pub fn has_flown_only(&self) -> bool {
+        self.n_bounces == 0 && !self.is_lost
+    }
+
     /// Whether enough was seen after a bounce to be sure of it.
     #[must_use]
     pub fn has_bounced(&self) -> bool {

@@ -49,6 +49,12 @@ impl Fitted {
         time_s(sighting, self.reference_ns, &self.unknowns)
     }
 
+    /// Right clock less left clock, and 1 sigma.
+    #[must_use]
+    pub fn clock_s(&self) -> [f64; 2] {
+        [self.unknowns.clock_s, self.covariance[(CLOCK, CLOCK)].sqrt()]
+    }
+
     /// Where a sighting's camera should have seen the ball at its time, the derivative of that by
     /// all unknowns, and how far off the sighting is; None if the ball is behind the camera.
     #[must_use]

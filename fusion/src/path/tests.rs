@@ -1,6 +1,8 @@
 //! Laws of [`super`].
 
+use super::growth::AFTER_S;
 use super::*;
+use crate::motion::later_ns;
 use crate::pretend::{self, GOOD_SIGHT, POOR_SIGHT, Serve, THESIS_SERVE};
 use crate::{Fusion, Settings, history::SpotId};
 
