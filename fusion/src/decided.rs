@@ -90,6 +90,11 @@ impl Decider {
         &self.evidence
     }
 
+    /// The same, which are then not here any more.
+    pub fn take_evidence(&mut self) -> Vec<Evidence> {
+        std::mem::take(&mut self.evidence)
+    }
+
     /// What was said of tracklets in the last call.
     #[must_use]
     pub fn judgements(&self) -> &[JudgementNote] {
@@ -159,7 +164,7 @@ impl Decider {
 
     /// A whole shot whose bounce is sure already, if shots are told early.
     fn judged_early(
-        &self,
+        &mut self,
         tracklet: &mut Tracklet,
         now_ns: Option<StampNs>,
         history: &History,
@@ -167,8 +172,7 @@ impl Decider {
         setup: (&Rectification, Fit),
         clock: &Clock,
     ) -> Option<(Verdict, Option<Path>)> {
-        let awaited = self.awaited.as_ref()?;
-        if !awaited.has(tracklet) {
+        if !self.awaited.as_ref()?.has(tracklet) {
             // It began late, or its flight is not fitted.
             return match tracklet.may_be_told_early() {
                 true => match self.judged(tracklet, now_ns, history, terms, setup, clock) {
@@ -181,7 +185,7 @@ impl Decider {
         if is_other_camera_due(history, &terms.world) {
             return None;
         }
-        let path = awaited.through_bounce(tracklet, history, terms)?;
+        let path = self.awaited.as_mut()?.through_bounce(tracklet, history, terms)?;
         let is_shot = path.worth >= WORTH_MIN
             && !self.shares_too_much(path.sightings.iter())
             && !is_from_elsewhere(tracklet, &terms.world);

@@ -80,12 +80,15 @@ impl Period {
     /// Lower quartile of the differences: frames are lost more often than they are early.
     #[must_use]
     pub fn ns(&self) -> StampNs {
+        self.known_ns().unwrap_or(FRAME_PERIOD_DEFAULT_NS)
+    }
+
+    /// The same; None before some frames have come.
+    #[must_use]
+    pub fn known_ns(&self) -> Option<StampNs> {
         let mut sorted: Vec<StampNs> = self.differences_ns.iter().copied().collect();
         sorted.sort_unstable();
-        match sorted.get(sorted.len() / 4) {
-            Some(&period_ns) if sorted.len() >= 8 => period_ns,
-            _ => FRAME_PERIOD_DEFAULT_NS,
-        }
+        sorted.get(sorted.len() / 4).filter(|_| sorted.len() >= 8).copied()
     }
 }
 

@@ -21,6 +21,9 @@ const AGAIN_S: f64 = 0.008;
 /// A flight that could not be fitted is tried again after this long.
 const RETRY_S: f64 = 0.03;
 
+/// Paths of one flight at most: what is no shot the third time is none.
+const N_GIVEN_MAX: u32 = 3;
+
 /// One flight.
 struct Flight {
     tracklet_id: u64,
@@ -31,6 +34,8 @@ struct Flight {
     clock_s: [f64; 2],
     /// Whether it was held against what the stamps say.
     is_judged: bool,
+    /// Paths through its bounce that were given out.
+    n_given: u32,
 }
 
 /// Flights whose bounces are awaited.
@@ -79,23 +84,24 @@ impl Awaited {
     /// Whether a tracklet's flight is fitted.
     #[must_use]
     pub fn has(&self, tracklet: &Tracklet) -> bool {
-        self.flight(tracklet).is_some_and(|flight| flight.ahead.is_some())
+        let is_its = |flight: &&Flight| flight.tracklet_id == tracklet.id;
+        self.flights.iter().find(is_its).is_some_and(|flight| flight.ahead.is_some())
     }
 
     /// A tracklet's path through its bounce, once that was seen.
     #[must_use]
     pub fn through_bounce(
-        &self,
+        &mut self,
         tracklet: &Tracklet,
         history: &History,
         terms: &Terms,
     ) -> Option<Path> {
-        let flight = self.flight(tracklet)?;
-        flight.ahead.as_ref()?.through_bounce(history, &flight.terms(terms))
-    }
-
-    fn flight(&self, tracklet: &Tracklet) -> Option<&Flight> {
-        self.flights.iter().find(|flight| flight.tracklet_id == tracklet.id)
+        let is_its = |flight: &&mut Flight| flight.tracklet_id == tracklet.id;
+        let flight = self.flights.iter_mut().find(is_its)?;
+        let ahead = flight.ahead.as_ref().filter(|_| flight.n_given < N_GIVEN_MAX)?;
+        let path = ahead.through_bounce(history, &flight.terms(terms))?;
+        flight.n_given += 1;
+        Some(path)
     }
 }
 
@@ -107,6 +113,7 @@ impl Flight {
             ahead: Ahead::new(tracklet, history, terms),
             clock_s: terms.world.clock_s,
             is_judged: false,
+            n_given: 0,
         }
     }
 
@@ -146,3 +153,6 @@ impl Flight {
         Terms { world: World { clock_s: self.clock_s, ..terms.world }, ..*terms }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -22,6 +22,11 @@ const AWAY_SIGMAS: f64 = 5.0;
 /// should show the ball and does not takes 1.2 away. In clutter one sighting is not enough.
 const AFTER_WORTH_MIN: f64 = 4.0;
 
+/// Squared distance of all of them together from where a rising ball is expected, in sigmas, for
+/// the first sighting and for each more: one in 2000 is farther off. Each camera alone finds a ball
+/// that was stopped in the air not far off, but both tell how far away it is.
+const SQUARES_MAX: [f64; 2] = [20.0, 6.0];
+
 /// Frames of the cameras come one after the other, so a last sighting may not be that of both.
 const OVERLAP_S: f64 = 0.02;
 
@@ -97,6 +102,11 @@ impl Ahead {
             under.is_some_and(|distance| distance > AWAY_SIGMAS)
         };
         if rising.worth < AFTER_WORTH_MIN || !rising.sightings.iter().any(is_away) {
+            return None;
+        }
+        let [first, more] = SQUARES_MAX;
+        let square_max = first + more * (rising.sightings.len() as f64 - 1.0);
+        if self.risen.fitted.square_of_all(&rising.sightings, rig)? > square_max {
             return None;
         }
         let since = self.risen.gathered([last_s - OVERLAP_S, f64::INFINITY], true, given);
