@@ -225,6 +225,18 @@ mod tests {
     }
 
     #[test]
+    fn the_next_frame_is_due_as_long_after_the_last_as_that_after_the_one_before() {
+        let mut history = History::default();
+        assert_eq!(history.next_ns(Camera::Left), None);
+        history.push(frame(1_000, &[]));
+        assert_eq!(history.next_ns(Camera::Left), None, "one frame tells no period");
+        history.push(frame(12_000, &[]));
+        history.push(frame(22_000, &[]));
+        assert_eq!(history.next_ns(Camera::Left), Some(32_000));
+        assert_eq!(history.next_ns(Camera::Right), None);
+    }
+
+    #[test]
     fn a_serial_that_is_forgotten_or_not_yet_known_finds_nothing_and_claims_nothing() {
         let mut history = History::default();
         for i in 0..600 {

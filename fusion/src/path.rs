@@ -5,7 +5,7 @@
 //! time and row, for the spot nearest to where that flight was. What lies within the gate joins,
 //! the flight is fitted again, and so on outwards, each way, until nothing new comes. So a ball
 //! that was hidden, that only one camera saw, or whose tracklet began late is one path, and a token
-//! that was none is left out.
+//! that was none is left out. What is urgent is fitted before: [`ahead`].
 
 pub mod ahead;
 mod growth;

@@ -31,6 +31,29 @@ fn what_a_tracklet_has_not_found_before_it_began_and_in_gaps_joins_its_path() {
 }
 
 #[test]
+fn one_sighting_is_as_far_off_by_itself_as_among_all_and_two_share_the_doubt_of_the_fit() {
+    let (frames, _) = pretend::seen(&[SERVE], 120, &POOR_SIGHT, 1);
+    let (fusion, _) = pretend::fed(pretend::reference_rig(), Settings::default(), &frames);
+    let Path { sightings, fitted, .. } = path_of(&fusion.tracklets.all[0], &fusion);
+    let fitted = fitted.unwrap();
+    let square = |some: &[Sighting]| fitted.square_of_all(some, &fusion.rig).unwrap();
+    for sighting in &sightings {
+        let alone = fitted.distance(sighting, &fusion.rig).unwrap().powi(2);
+        assert!((square(&[*sighting]) - alone).abs() < 1e-9 * (1.0 + alone));
+    }
+    // 8 px to the side, once in the one place and once in the other: no flight has both.
+    let moved = |by_px: f64| {
+        let mut moved = *sightings.last().unwrap();
+        moved.raw.x_px += by_px;
+        moved
+    };
+    let [left, right] = [moved(-8.0), moved(8.0)];
+    assert!(square(&[left, right]) > square(&[left]) + square(&[right]));
+    assert!(square(&[right, right]) < square(&[right]) * 2.0);
+    assert_eq!(square(&[]), 0.0);
+}
+
+#[test]
 fn a_token_that_was_none_of_the_ball_is_left_out() {
     let (frames, _) = pretend::seen(&[SERVE], 120, &POOR_SIGHT, 2);
     let (fusion, _) = pretend::fed(pretend::reference_rig(), Settings::default(), &frames);
