@@ -11,7 +11,7 @@
 //! Where stamps are on one clock a flight is fitted twice: first with that doubted
 //! ([`Clock::doubted_s`]), then, if the shot does not contradict it, with it as stated.
 
-mod awaited;
+pub mod awaited;
 
 use crate::clock::Clock;
 use crate::explain::trace::JudgementNote;
@@ -173,13 +173,13 @@ impl Decider {
         clock: &Clock,
     ) -> Option<(Verdict, Option<Path>)> {
         if !self.awaited.as_ref()?.has(tracklet) {
-            // It began late, or its flight is not fitted.
-            return match tracklet.may_be_told_early() {
-                true => match self.judged(tracklet, now_ns, history, terms, setup, clock) {
-                    Judgement::Now(verdict, path) if is_whole(&verdict) => Some((verdict, path)),
-                    _ => None,
-                },
-                false => None,
+            // It began late, or only one camera saw it.
+            if !tracklet.may_be_told_early() {
+                return None;
+            }
+            return match self.judged(tracklet, now_ns, history, terms, setup, clock) {
+                Judgement::Now(verdict, path) if is_whole(&verdict) => Some((verdict, path)),
+                _ => None,
             };
         }
         if is_other_camera_due(history, &terms.world) {

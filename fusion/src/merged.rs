@@ -1,10 +1,10 @@
 //! Rectified frames of both cameras, as they arrive -> the same in the order of their stamps.
 //!
 //! A frame waits until the other camera has shown that it will send nothing earlier: by a later
-//! frame, or, live, by a frame before which its next one cannot come so soon. Without the second, of
-//! two cameras that expose together, whose stamps differ by a clock's few microseconds, one's frames
-//! would all wait for the next. How long it waits beyond that depends on what the other one has
-//! done before:
+//! frame, or, live, by one so late that its next cannot come so soon. Without the second, of two
+//! cameras that expose together, whose stamps differ by a clock's few microseconds, each frame of
+//! one would wait for the next of the other. How long it waits beyond that depends on what the
+//! other one has done before:
 //!
 //! - **It has been sending**: its link may be cut, and its board keeps the last ten seconds. So its
 //!   frames are waited for until those of this camera span [`Waits::heard_s`]. A shot that fell
