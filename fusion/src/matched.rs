@@ -44,6 +44,9 @@ const FRAME_PERIOD_DEFAULT_NS: StampNs = 1_000_000_000 / 90;
 /// Stamp differences a frame period is estimated from.
 const N_PERIOD_DIFFERENCES: usize = 32;
 
+/// Fewer of them tell none.
+const N_KNOWN: usize = 8;
+
 /// Half a period, and a little for jitter: free-running cameras may be exactly half apart.
 const PAIRING_PERIODS: f64 = 0.55;
 
@@ -80,15 +83,19 @@ impl Period {
     /// Lower quartile of the differences: frames are lost more often than they are early.
     #[must_use]
     pub fn ns(&self) -> StampNs {
-        self.known_ns().unwrap_or(FRAME_PERIOD_DEFAULT_NS)
-    }
-
-    /// The same; None before some frames have come.
-    #[must_use]
-    pub fn known_ns(&self) -> Option<StampNs> {
         let mut sorted: Vec<StampNs> = self.differences_ns.iter().copied().collect();
         sorted.sort_unstable();
-        sorted.get(sorted.len() / 4).filter(|_| sorted.len() >= 8).copied()
+        match sorted.get(sorted.len() / 4) {
+            Some(&period_ns) if sorted.len() >= N_KNOWN => period_ns,
+            _ => FRAME_PERIOD_DEFAULT_NS,
+        }
+    }
+
+    /// Least of the differences: a camera that was slower for a while may be quick again. None
+    /// before some frames have come.
+    #[must_use]
+    pub fn shortest_ns(&self) -> Option<StampNs> {
+        self.differences_ns.iter().copied().min().filter(|_| self.differences_ns.len() >= N_KNOWN)
     }
 }
 

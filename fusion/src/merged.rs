@@ -35,7 +35,7 @@ pub struct Waits {
     /// Seconds, by the stamps of what waits, for one that has been sending: as long as its board
     /// keeps what was not sent.
     pub heard_s: f64,
-    /// Part of a camera's period after a frame of it within which it sends no other. Stamps of
+    /// Part of a camera's shortest period after a frame of it within which it sends no other. Stamps of
     /// steady cameras are off by less than a millisecond; what comes sooner yet is late.
     pub steady: f64,
 }
@@ -94,7 +94,7 @@ impl Merge {
         }
         let side = &mut self.sides[own];
         side.period.update(frame.t_ns);
-        let period_s = side.period.known_ns().map(|period_ns| seconds_between(0, period_ns));
+        let period_s = side.period.shortest_ns().map(|period_ns| seconds_between(0, period_ns));
         side.next_ns = period_s.map(|period_s| later_ns(frame.t_ns, waits.steady * period_s));
         side.waiting.push_back(frame);
         if waits.are_over(&self.sides[own].waiting, self.sides[other].is_heard) {
@@ -216,6 +216,20 @@ mod tests {
             assert!(stream.seen.is_sorted());
             assert_eq!(stream.dropped, Dropped::default());
         }
+    }
+
+    #[test]
+    fn a_camera_that_becomes_quicker_loses_no_frame() {
+        let mut stream = Stream::new();
+        // The right camera's frames 22 ms apart, then 11; each arrives when it is exposed.
+        for i in 0..100 {
+            if i < 50 && i % 2 == 0 || i >= 50 {
+                stream.take(Camera::Right, 11 * i);
+            }
+            stream.take(Camera::Left, 11 * i + 5);
+        }
+        assert_eq!(stream.dropped, Dropped::default());
+        assert!(stream.seen.is_sorted() && stream.seen.len() >= 173, "{}", stream.seen.len());
     }
 
     #[test]
