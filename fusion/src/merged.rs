@@ -223,7 +223,7 @@ mod tests {
         let mut stream = Stream::new();
         // The right camera's frames 22 ms apart, then 11; each arrives when it is exposed.
         for i in 0..100 {
-            if i < 50 && i % 2 == 0 || i >= 50 {
+            if i % 2 == 0 || i >= 50 {
                 stream.take(Camera::Right, 11 * i);
             }
             stream.take(Camera::Left, 11 * i + 5);
