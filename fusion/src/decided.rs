@@ -2,19 +2,23 @@
 //!
 //! A tracklet is decided when enough was seen after its bounce ([`Tracklet::has_bounced`]), when it
 //! has found nothing for a while ([`Tracklet::has_ended`]), or when the recording is over. Then its
-//! path is gathered, fitted and judged, once; with `tells_early` once before, and told then if its
-//! bounce is sure already. A tracklet that was told goes on being followed, so
+//! path is gathered, fitted and judged, once. A tracklet that was told goes on being followed, so
 //! that what becomes of its ball is not taken for another.
+//!
+//! Told early ([`awaited`]), the flight was fitted before the ball came down, and one short fit
+//! measures the bounce as soon as a frame shows that there was one.
 //!
 //! Where stamps are on one clock a flight is fitted twice: first with that doubted
 //! ([`Clock::doubted_s`]), then, if the shot does not contradict it, with it as stated.
+
+pub mod awaited;
 
 use crate::clock::Clock;
 use crate::explain::trace::JudgementNote;
 use crate::flight::Flight;
 use crate::flight::evidence::Evidence;
 use crate::history::History;
-use crate::motion::{World, later_ns};
+use crate::motion::{World, later_ns, seconds_between};
 use crate::path::{self, Path, Terms};
 use crate::quadratic;
 use crate::rectified::Sighting;
@@ -23,6 +27,7 @@ use crate::tracklets::{SILENCE_S, Tracklet, Tracklets};
 use crate::world::ball::State;
 use crate::world::rectification::Rectification;
 use crate::{Fit, Rejected};
+use awaited::Awaited;
 use shm_layout::{Camera, StampNs};
 
 /// Part of a path's sightings that an earlier shot may have had: rolling balls cross.
@@ -42,10 +47,14 @@ const ELSEWHERE_M: f64 = 5.0;
 /// chance makes one in 10^13.
 pub const WORTH_MIN: f64 = 30.0;
 
+/// Frames of both cameras that are no farther apart than this come together.
+const TOGETHER_S: f64 = 0.002;
+
 /// Judges tracklets, each once.
 #[derive(Default)]
 pub struct Decider {
-    tells_early: bool,
+    /// None if shots are not told early.
+    awaited: Option<Awaited>,
     /// Of the last shot.
     told: Vec<Sighting>,
     /// Of the shots that the last call gave out.
@@ -60,7 +69,7 @@ impl Decider {
     /// [`crate::Settings::tells_early`].
     #[must_use]
     pub fn new(tells_early: bool) -> Self {
-        Self { tells_early, ..Self::default() }
+        Self { awaited: tells_early.then(Awaited::default), ..Self::default() }
     }
 
     /// Paths that were no shot so far, by reason.
@@ -79,6 +88,11 @@ impl Decider {
     #[must_use]
     pub fn evidence(&self) -> &[Evidence] {
         &self.evidence
+    }
+
+    /// The same, which are then not here any more.
+    pub fn take_evidence(&mut self) -> Vec<Evidence> {
+        std::mem::take(&mut self.evidence)
     }
 
     /// What was said of tracklets in the last call.
@@ -106,14 +120,15 @@ impl Decider {
                 continue;
             }
             let is_sure = is_over || tracklet.has_bounced();
-            let is_early = !is_sure && self.tells_early && tracklet.may_be_told_early();
-            if !is_sure && !is_early {
-                continue;
-            }
-            let (verdict, path) = match self.judged(tracklet, now_ns, history, terms, setup, clock)
-            {
-                Judgement::Now(verdict, path) if is_sure || is_whole(&verdict) => (verdict, path),
-                Judgement::Now(..) => continue,
+            let judgement = if is_sure {
+                self.judged(tracklet, now_ns, history, terms, setup, clock)
+            } else {
+                let early = self.judged_early(tracklet, now_ns, history, terms, setup, clock);
+                let Some((verdict, path)) = early else { continue };
+                Judgement::Now(verdict, path)
+            };
+            let (verdict, path) = match judgement {
+                Judgement::Now(verdict, path) => (verdict, path),
                 Judgement::After(due_ns) => {
                     tracklet.postpone(due_ns);
                     continue;
@@ -132,6 +147,9 @@ impl Decider {
                 Verdict::Rejected(rejection) => self.rejected.count(rejection),
             }
         }
+        if let (Some(awaited), Some(now_ns), Fit::Physics) = (&mut self.awaited, now_ns, setup.1) {
+            awaited.update(&tracklets.all, now_ns, history, terms, clock);
+        }
         tracklets.take_out_ended(now_ns);
         shots
     }
@@ -142,6 +160,37 @@ impl Decider {
         self.told = sightings;
         let is_whole = matches!(shot.outcome, Outcome::Measured | Outcome::NoBounceSeen);
         self.evidence.extend(evidence.filter(|_| is_whole).map(|evidence| *evidence));
+    }
+
+    /// A whole shot whose bounce is sure already, if shots are told early.
+    fn judged_early(
+        &mut self,
+        tracklet: &mut Tracklet,
+        now_ns: Option<StampNs>,
+        history: &History,
+        terms: &Terms,
+        setup: (&Rectification, Fit),
+        clock: &Clock,
+    ) -> Option<(Verdict, Option<Path>)> {
+        if !self.awaited.as_ref()?.has(tracklet) {
+            // It began late, or only one camera saw it.
+            if !tracklet.may_be_told_early() {
+                return None;
+            }
+            return match self.judged(tracklet, now_ns, history, terms, setup, clock) {
+                Judgement::Now(verdict, path) if is_whole(&verdict) => Some((verdict, path)),
+                _ => None,
+            };
+        }
+        if is_other_camera_due(history, &terms.world) {
+            return None;
+        }
+        let path = self.awaited.as_mut()?.through_bounce(tracklet, history, terms)?;
+        let is_shot = path.worth >= WORTH_MIN
+            && !self.shares_too_much(path.sightings.iter())
+            && !is_from_elsewhere(tracklet, &terms.world);
+        let verdict = is_shot.then(|| verdict_of(&path, terms, setup)).filter(is_whole)?;
+        Some((verdict, Some(path)))
     }
 
     fn judged(
@@ -280,6 +329,17 @@ fn with_clock(
 fn down_ns(path: &Path) -> Option<StampNs> {
     let fitted = path.fitted.as_ref()?;
     Some(later_ns(fitted.reference_ns, fitted.model.touch()?.t_s + SILENCE_S))
+}
+
+/// Whether a frame of one camera is about to follow a frame of the other: two cameras that expose
+/// together show a bounce together, and both are worth more than one.
+fn is_other_camera_due(history: &History, world: &World) -> bool {
+    let left_ns = |camera| Some(world.left_ns(camera, history.newest(camera)?.t_ns));
+    let Some(now_ns) = Camera::BOTH.into_iter().filter_map(left_ns).max() else { return false };
+    Camera::BOTH.into_iter().any(|camera| {
+        let next_ns = history.next_ns(camera).map(|next_ns| world.left_ns(camera, next_ns));
+        next_ns.is_some_and(|ns| seconds_between(now_ns, ns).abs() < TOGETHER_S)
+    })
 }
 
 /// Whether a ball can not have come from the launcher, roughly: it is not fitted yet.

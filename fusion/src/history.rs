@@ -108,6 +108,14 @@ impl History {
         self.sides[camera.idx()].frames.back()
     }
 
+    /// When a camera's next frame should be exposed, if it goes on as with the last two.
+    #[must_use]
+    pub fn next_ns(&self, camera: Camera) -> Option<StampNs> {
+        let mut back = self.sides[camera.idx()].frames.iter().rev();
+        let (newest, before) = (back.next()?, back.next()?);
+        Some(newest.t_ns.saturating_add(newest.t_ns.saturating_sub(before.t_ns)))
+    }
+
     /// Frames of a camera from a time on, earliest first.
     pub fn since(&self, camera: Camera, t_ns: StampNs) -> impl DoubleEndedIterator<Item = &Kept> {
         let frames = &self.sides[camera.idx()].frames;
@@ -214,6 +222,18 @@ mod tests {
             assert!(kept.windows(2).all(|pair| pair[1].serial == pair[0].serial + 1));
             assert!(history.newest(Camera::Right).is_none(), "the other camera has its own");
         }
+    }
+
+    #[test]
+    fn the_next_frame_is_due_as_long_after_the_last_as_that_after_the_one_before() {
+        let mut history = History::default();
+        assert_eq!(history.next_ns(Camera::Left), None);
+        history.push(frame(1_000, &[]));
+        assert_eq!(history.next_ns(Camera::Left), None, "one frame tells no period");
+        history.push(frame(12_000, &[]));
+        history.push(frame(22_000, &[]));
+        assert_eq!(history.next_ns(Camera::Left), Some(32_000));
+        assert_eq!(history.next_ns(Camera::Right), None);
     }
 
     #[test]

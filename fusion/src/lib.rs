@@ -227,6 +227,7 @@ impl Fusion {
             shots.extend(self.tracked(frame));
         }
         shots.extend(self.decided(None));
+        self.watched();
         self.last = [None, None];
         self.periods = [Period::default(), Period::default()];
         self.arrivals = [Arrivals::default(), Arrivals::default()];
@@ -239,6 +240,8 @@ impl Fusion {
 
     /// From a rectified frame on, in the order of time.
     fn tracked(&mut self, frame: RectifiedFrame) -> Vec<Shot> {
+        // The shots of the frame before were told meanwhile: nobody waits for what they say.
+        self.watched();
         let RectifiedFrame { camera, t_ns, clock_sigma_ns, .. } = frame;
         self.now_ns = t_ns;
         self.clock_sigmas_ns[camera.idx()] = Some(clock_sigma_ns);
@@ -297,10 +300,10 @@ impl Fusion {
         if let Some(trace) = &mut self.trace {
             trace.note_ends(ended, self.decider.judgements());
         }
+        self.evidence.extend_from_slice(self.decider.evidence());
         for shot in &mut shots {
             shot.frames_lost = Camera::BOTH.map(|camera| self.n_lost(camera, shot));
         }
-        self.watched();
         shots
     }
 
@@ -324,9 +327,8 @@ impl Fusion {
 
     /// Holds the rig against what the last shots say of it.
     fn watched(&mut self) {
-        let (watch, rig, evidence) = (&mut self.watch, &self.rig, self.decider.evidence());
+        let (watch, rig, evidence) = (&mut self.watch, &self.rig, self.decider.take_evidence());
         let news: Vec<Alarm> = evidence.iter().filter_map(|shot| watch.update(shot, rig)).collect();
-        self.evidence.extend_from_slice(evidence);
         let refined = news.iter().rev().find_map(|alarm| alarm.refined.clone());
         if let Some(refined) = refined.filter(|_| self.settings.refines_rig) {
             self.rectification = Rectification::from_rig(&refined);

@@ -44,6 +44,9 @@ const FRAME_PERIOD_DEFAULT_NS: StampNs = 1_000_000_000 / 90;
 /// Stamp differences a frame period is estimated from.
 const N_PERIOD_DIFFERENCES: usize = 32;
 
+/// Fewer of them tell none.
+const N_KNOWN: usize = 8;
+
 /// Half a period, and a little for jitter: free-running cameras may be exactly half apart.
 const PAIRING_PERIODS: f64 = 0.55;
 
@@ -83,9 +86,16 @@ impl Period {
         let mut sorted: Vec<StampNs> = self.differences_ns.iter().copied().collect();
         sorted.sort_unstable();
         match sorted.get(sorted.len() / 4) {
-            Some(&period_ns) if sorted.len() >= 8 => period_ns,
+            Some(&period_ns) if sorted.len() >= N_KNOWN => period_ns,
             _ => FRAME_PERIOD_DEFAULT_NS,
         }
+    }
+
+    /// Least of the differences: a camera that was slower for a while may be quick again. None
+    /// before some frames have come.
+    #[must_use]
+    pub fn shortest_ns(&self) -> Option<StampNs> {
+        self.differences_ns.iter().copied().min().filter(|_| self.differences_ns.len() >= N_KNOWN)
     }
 }
 

@@ -1,7 +1,10 @@
 //! Rectified frames of both cameras, as they arrive -> the same in the order of their stamps.
 //!
-//! A frame waits until the other camera has shown that it will send nothing earlier. How long
-//! depends on what the other one has done before:
+//! A frame waits until the other camera has shown that it will send nothing earlier: by a later
+//! frame, or, live, by one so late that its next cannot come so soon. Without the second, of two
+//! cameras that expose together, whose stamps differ by a clock's few microseconds, each frame of
+//! one would wait for the next of the other. How long it waits beyond that depends on what the
+//! other one has done before:
 //!
 //! - **It has been sending**: its link may be cut, and its board keeps the last ten seconds. So its
 //!   frames are waited for until those of this camera span [`Waits::heard_s`]. A shot that fell
@@ -15,7 +18,8 @@
 //! that is more.
 
 use crate::Dropped;
-use crate::motion::seconds_between;
+use crate::matched::Period;
+use crate::motion::{later_ns, seconds_between};
 use crate::rectified::RectifiedFrame;
 use shm_layout::{Camera, StampNs};
 use std::collections::VecDeque;
@@ -31,15 +35,19 @@ pub struct Waits {
     /// Seconds, by the stamps of what waits, for one that has been sending: as long as its board
     /// keeps what was not sent.
     pub heard_s: f64,
+    /// Part of a camera's shortest period after a frame of it within which it sends no other. Stamps of
+    /// steady cameras are off by less than a millisecond; what comes sooner yet is late.
+    pub steady: f64,
 }
 
 impl Waits {
     /// For boards that send what they see.
-    pub const LIVE: Self = Self { n_unheard_frames: 32, heard_s: 10.0 };
+    pub const LIVE: Self = Self { n_unheard_frames: 32, heard_s: 10.0, steady: 0.75 };
 
     /// For two recordings, which are played independently: one may be ahead by twelve minutes at
     /// 90 frames/s.
-    pub const RECORDED: Self = Self { n_unheard_frames: 1 << 16, heard_s: f64::INFINITY };
+    pub const RECORDED: Self =
+        Self { n_unheard_frames: 1 << 16, heard_s: f64::INFINITY, steady: 0.0 };
 
     /// Whether what waits of one camera has waited long enough for the other.
     fn are_over(&self, waiting: &VecDeque<RectifiedFrame>, is_heard: bool) -> bool {
@@ -57,6 +65,9 @@ struct Side {
     waiting: VecDeque<RectifiedFrame>,
     is_heard: bool,
     is_silent: bool,
+    period: Period,
+    /// It sends nothing from before that, as far as its period is known.
+    next_ns: Option<StampNs>,
 }
 
 /// Brings two streams of frames into one.
@@ -81,7 +92,11 @@ impl Merge {
             dropped.n_late_frames += 1;
             return Vec::new();
         }
-        self.sides[own].waiting.push_back(frame);
+        let side = &mut self.sides[own];
+        side.period.update(frame.t_ns);
+        let period_s = side.period.shortest_ns().map(|period_ns| seconds_between(0, period_ns));
+        side.next_ns = period_s.map(|period_s| later_ns(frame.t_ns, waits.steady * period_s));
+        side.waiting.push_back(frame);
         if waits.are_over(&self.sides[own].waiting, self.sides[other].is_heard) {
             self.sides[other].is_silent = true;
         }
@@ -111,12 +126,15 @@ impl Merge {
     /// The earliest frame, if the other camera has one too or need not be waited for.
     fn next_if(&mut self, is_over: impl Fn(&Side) -> bool) -> Option<RectifiedFrame> {
         let first_ns = |side: &Side| side.waiting.front().map(|frame| frame.t_ns);
+        let is_over = |side: &Side, t_ns| is_over(side) || side.next_ns >= Some(t_ns);
         let [left, right] = &self.sides;
         let camera = match (first_ns(left), first_ns(right)) {
             (Some(left_ns), Some(right_ns)) if right_ns < left_ns => Camera::Right,
             (Some(_), Some(_)) => Camera::Left,
-            (Some(left_ns), None) if is_over(right) || self.now_ns >= Some(left_ns) => Camera::Left,
-            (None, Some(right_ns)) if is_over(left) || self.now_ns >= Some(right_ns) => {
+            (Some(left_ns), None) if is_over(right, left_ns) || self.now_ns >= Some(left_ns) => {
+                Camera::Left
+            }
+            (None, Some(right_ns)) if is_over(left, right_ns) || self.now_ns >= Some(right_ns) => {
                 Camera::Right
             }
             _ => return None,
@@ -181,6 +199,40 @@ mod tests {
     }
 
     #[test]
+    fn a_frame_does_not_wait_for_a_camera_that_cannot_send_an_earlier_one_so_soon() {
+        for apart_ms in [0, 1, 3, 5, 7, 8] {
+            let mut stream = Stream::new();
+            let mut n_held = 0;
+            for i in 0..100 {
+                let (left_ms, right_ms) = (11 * i, 11 * i + apart_ms);
+                n_held += usize::from(stream.take(Camera::Left, left_ms) == 0);
+                stream.take(Camera::Right, right_ms);
+                let is_out = stream.seen.last() == Some(&(right_ms * 1_000_000));
+                assert_eq!(is_out, apart_ms == 0 || i >= 8, "{apart_ms} ms, frame {i}");
+            }
+            // A left frame comes 11 ms less `apart_ms` after the right one: at most 0.75 periods.
+            let is_held = apart_ms < 3;
+            assert_eq!(n_held > 50, is_held, "{apart_ms} ms: {n_held}");
+            assert!(stream.seen.is_sorted());
+            assert_eq!(stream.dropped, Dropped::default());
+        }
+    }
+
+    #[test]
+    fn a_camera_that_becomes_quicker_loses_no_frame() {
+        let mut stream = Stream::new();
+        // The right camera's frames 22 ms apart, then 11; each arrives when it is exposed.
+        for i in 0..100 {
+            if i % 2 == 0 || i >= 50 {
+                stream.take(Camera::Right, 11 * i);
+            }
+            stream.take(Camera::Left, 11 * i + 5);
+        }
+        assert_eq!(stream.dropped, Dropped::default());
+        assert!(stream.seen.is_sorted() && stream.seen.len() >= 173, "{}", stream.seen.len());
+    }
+
+    #[test]
     fn one_camera_alone_waits_for_the_other_a_third_of_a_second() {
         let mut stream = Stream::new();
         let mut n_out = 0;
@@ -213,7 +265,8 @@ mod tests {
         }
         assert_eq!(stream.dropped.n_late_frames, 903);
         assert!(stream.seen.is_sorted());
-        assert_eq!(stream.take(Camera::Left, 10_200), 8, "what it had is given out");
+        // One of the eight could not be preceded, 5 ms after a left frame.
+        assert_eq!(stream.take(Camera::Left, 10_200), 7, "what it had is given out");
         assert_eq!(stream.take(Camera::Left, 10_210), 0, "it is waited for again");
     }
 

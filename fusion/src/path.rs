@@ -5,47 +5,22 @@
 //! time and row, for the spot nearest to where that flight was. What lies within the gate joins,
 //! the flight is fitted again, and so on outwards, each way, until nothing new comes. So a ball
 //! that was hidden, that only one camera saw, or whose tracklet began late is one path, and a token
-//! that was none is left out.
+//! that was none is left out. What is urgent is fitted before: [`ahead`].
 
-use crate::flight::evidence::{self, Evidence};
-use crate::flight::fit::{self, LAUNCHER_SIGMA_M};
-use crate::flight::fitted::{Fitted, Scene};
-use crate::flight::unknowns::{Known, Prior, Unknowns};
-use crate::history::{History, Kept};
-use crate::look::{self, GATE_SIGMAS, Look};
-use crate::motion::{World, later_ns, seconds_between};
+pub mod ahead;
+mod growth;
+
+use crate::flight::evidence::Evidence;
+use crate::flight::fitted::Fitted;
+use crate::history::History;
+use crate::motion::World;
 use crate::rectified::Sighting;
-use crate::seeds::DETECTED;
 use crate::tracklets::Tracklet;
-use crate::world::acceleration::{Aloft, Breeze};
-use crate::world::ball::DRAG_COEFFICIENT;
-use crate::world::rebound::{self, HARD_COURT};
-use nalgebra::{Matrix3, Point3, Vector2, Vector3};
-use shm_layout::{Camera, StampNs};
-
-/// Fewest tokens before the bounce a flight can be fitted to.
-const N_TOKENS_MIN: usize = 6;
-
-/// How far a path grows outwards in one round, and rounds at most.
-const GROWTH_S: f64 = 0.25;
-const N_ROUNDS_MAX: usize = 8;
-
-/// Fewest sightings after a bounce that make it one, and of one camera: as many instants.
-const N_AFTER_MIN: usize = 3;
-const N_AFTER_LONE_MIN: usize = 6;
-
-/// What is used of the flight after the bounce: more tells little of the bounce.
-const AFTER_S: f64 = 0.25;
-
-/// Nearer to the bounce than this a sighting does not say on which side it is.
-const NEAR_BOUNCE_S: f64 = 0.004;
+use growth::{Given, Growth, N_TOKENS_MIN, ordered};
 
 /// Longest a ball that only one camera saw may have been in its image before it was seen: one that
 /// bounced far away fits a flight from the launcher too, but one nobody saw.
 const LONE_UNSEEN_MAX_S: f64 = 0.2;
-
-/// Longest flight back to the launcher, and on to the ground, beyond what was seen.
-const REACH_S: [f64; 2] = [1.2, 1.5];
 
 /// Every sighting of one ball.
 #[derive(Clone)]
@@ -77,11 +52,7 @@ pub struct Terms<'a> {
 /// Gathers the sightings of a tracklet's ball; None if there are too few for a flight.
 #[must_use]
 pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Path> {
-    let tokens = |n_bounces: u32| -> Vec<Sighting> {
-        let own = tracklet.tokens.iter().filter(|token| token.n_bounces == n_bounces);
-        own.filter_map(|token| history.sighting(token.id)).copied().collect()
-    };
-    let (before, after) = (ordered(tokens(0), terms), ordered(tokens(1), terms));
+    let [before, after] = [0, 1].map(|n_bounces| tokens(tracklet, n_bounces, history, terms));
     if before.len() < N_TOKENS_MIN {
         return None;
     }
@@ -94,274 +65,34 @@ pub fn along(tracklet: &Tracklet, history: &History, terms: &Terms) -> Option<Pa
             worth: f64::INFINITY,
         });
     }
-    let mut growth = Growth::new(tracklet, before, history, terms)?;
+    let given = Given { history, terms };
+    let mut growth = Growth::new(tracklet, before, terms)?;
     let is_lone = growth.launcher_m.is_some();
-    growth.grow(false);
-    growth.finish();
-    growth.grow(false);
-    growth = growth.with_rise(after);
+    growth.grow(false, given);
+    growth.finish(terms);
+    growth.grow(false, given);
+    growth = growth.with_rise(after, given);
     if !growth.has_bounce {
         // The tokens after it were none of this ball.
-        growth = growth.with_rise(Vec::new());
+        growth = growth.with_rise(Vec::new(), given);
     }
-    growth.finish();
-    growth.adopt_launcher_if_near();
+    growth.finish(terms);
+    growth.adopt_launcher_if_near(terms);
     let whole = [f64::NEG_INFINITY, f64::INFINITY];
-    let is_late = is_lone && growth.unseen_s() > LONE_UNSEEN_MAX_S;
+    let is_late = is_lone && growth.unseen_s(given) > LONE_UNSEEN_MAX_S;
     let worth = match is_late {
         true => f64::NEG_INFINITY,
-        false => growth.gathered(whole, growth.has_bounce).worth,
+        false => growth.gathered(whole, growth.has_bounce, given).worth,
     };
-    let evidence = growth.evidence().map(Box::new);
+    let evidence = growth.evidence(terms).map(Box::new);
     let Growth { sightings, fitted, has_bounce, .. } = growth;
     Some(Path { sightings, fitted: Some(fitted), evidence, has_bounce, worth })
 }
 
-/// Whether these are the same spots.
-fn is_same(a: &[Sighting], b: &[Sighting]) -> bool {
-    let spot = |s: &Sighting| (s.camera, s.t_ns, s.raw);
-    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| spot(a) == spot(b))
-}
-
-/// By time on the left clock.
-fn ordered(mut sightings: Vec<Sighting>, terms: &Terms) -> Vec<Sighting> {
-    sightings.sort_by_key(|s| (terms.world.left_ns(s.camera, s.t_ns), s.camera));
-    sightings
-}
-
-#[derive(Clone)]
-struct Growth<'a> {
-    sightings: Vec<Sighting>,
-    fitted: Fitted,
-    has_bounce: bool,
-    prior: Prior,
-    launcher_m: Option<Point3<f64>>,
-    reference_ns: StampNs,
-    history: &'a History,
-    terms: &'a Terms<'a>,
-}
-
-impl<'a> Growth<'a> {
-    fn new(
-        tracklet: &Tracklet,
-        sightings: Vec<Sighting>,
-        history: &'a History,
-        terms: &'a Terms<'a>,
-    ) -> Option<Self> {
-        let falling = tracklet.falling.as_ref().unwrap_or(&tracklet.motion);
-        let (first, last) = (sightings.first()?, sightings.last()?);
-        let reference_ns = first.t_ns.midpoint(last.t_ns);
-        let physics = terms.world.physics;
-        let state = falling.flown(reference_ns, physics);
-        let start = Unknowns {
-            aloft: Aloft {
-                position_m: state.position_m,
-                velocity_m_s: state.velocity_m_s,
-                spin_rad_s: Vector3::zeros(),
-            },
-            breeze: Breeze { drag_coefficient: DRAG_COEFFICIENT, wind_m_s: Vector2::zeros() },
-            clock_s: terms.world.clock_s[0],
-            ground_m: 0.0,
-            out_m_s: Vector3::zeros(),
-        };
-        let prior = Prior::new(&start, &known(terms, [Vector3::zeros(); 2]));
-        // Of one camera's sightings nothing else tells how far away they are.
-        let is_lone = sightings.iter().all(|s| s.camera == first.camera);
-        let launcher_m = terms.world.rig.launcher_in_court_m().filter(|_| is_lone);
-        let scene = scene(terms, launcher_m, false);
-        let fitted = fit::roughly(&sightings, reference_ns, (&start, [1.0; 2]), &prior, &scene)?;
-        Some(Self {
-            sightings,
-            fitted,
-            has_bounce: false,
-            prior,
-            launcher_m,
-            reference_ns,
-            history,
-            terms,
-        })
-    }
-
-    fn refit(&mut self, sightings: Vec<Sighting>, start: &Unknowns) -> bool {
-        let scene = scene(self.terms, self.launcher_m, self.has_bounce);
-        let start = (start, self.fitted.noise);
-        let fitted = fit::roughly(&sightings, self.reference_ns, start, &self.prior, &scene);
-        match fitted {
-            Some(fitted) if sightings.len() >= N_TOKENS_MIN => {
-                (self.fitted, self.sightings) = (fitted, sightings);
-                true
-            }
-            _ => false,
-        }
-    }
-
-    /// To the last digit, with the noise as it is.
-    fn finish(&mut self) {
-        let scene = scene(self.terms, self.launcher_m, self.has_bounce);
-        let start = (&self.fitted.unknowns, self.fitted.noise);
-        let (sightings, prior) = (&self.sightings, &self.prior);
-        let fitted = fit::from_sightings(sightings, self.reference_ns, start, prior, &scene);
-        if let Some(fitted) = fitted {
-            self.fitted = fitted;
-        }
-    }
-
-    fn evidence(&self) -> Option<Evidence> {
-        let scene = scene(self.terms, self.launcher_m, self.has_bounce);
-        evidence::of_flight(&self.sightings, &self.fitted, &self.prior, &scene)
-    }
-
-    /// Outwards, over gaps too, until there is nothing more.
-    fn grow(&mut self, is_after: bool) {
-        let time_of = |s: Option<&Sighting>| s.map_or(0.0, |s| self.fitted.time_s(s));
-        let mut span_s = [time_of(self.sightings.first()), time_of(self.sightings.last())];
-        for _ in 0..N_ROUNDS_MAX {
-            span_s = [span_s[0] - GROWTH_S, span_s[1] + GROWTH_S];
-            let gathered = self.gathered(span_s, is_after);
-            if is_same(&gathered.sightings, &self.sightings) {
-                if gathered.is_all {
-                    break;
-                }
-                continue;
-            }
-            let start = self.fitted.unknowns;
-            if !self.refit(gathered.sightings, &start) {
-                break;
-            }
-        }
-    }
-
-    /// Through the bounce, if enough was seen of what followed. The tracklet may have lost its ball
-    /// there: the flight knows better where it came down.
-    fn with_rise(self, after: Vec<Sighting>) -> Self {
-        let mut risen = self.clone();
-        if risen.go_on(after).is_none() {
-            return self;
-        }
-        risen.grow(true);
-        let touch_s = risen.fitted.model.touch().map_or(f64::INFINITY, |touch| touch.t_s);
-        let is_after = |s: &&Sighting| risen.fitted.time_s(s) > touch_s;
-        let n_after = risen.sightings.iter().filter(is_after).count();
-        let is_lone = risen.launcher_m.is_some();
-        let n_min = if is_lone { N_AFTER_LONE_MIN } else { N_AFTER_MIN };
-        if n_after >= n_min { risen } else { self }
-    }
-
-    /// Takes in the first sightings after the bounce; None if the flight does not come down.
-    fn go_on(&mut self, after: Vec<Sighting>) -> Option<()> {
-        let touch = *self.fitted.model.touch()?;
-        let physics = self.terms.world.physics;
-        let spin = self.fitted.model.spin_at(touch.t_s);
-        let radius_m = physics.ball.radius_m();
-        let (out_m_s, ..) = rebound::after(&touch.velocity_m_s, &spin, radius_m, &HARD_COURT);
-        let mut start = self.fitted.unknowns;
-        start.out_m_s = out_m_s;
-        let known = known(self.terms, [out_m_s, touch.velocity_m_s]);
-        self.prior = Prior::new(&self.prior.mean, &known);
-        let is_soon = |s: &Sighting| {
-            let since_s = seconds_between(self.reference_ns, s.t_ns) - touch.t_s;
-            since_s < AFTER_S
-        };
-        let mut all = self.sightings.clone();
-        all.extend(after.into_iter().filter(is_soon));
-        self.has_bounce = true;
-        self.refit(ordered(all, self.terms), &start).then_some(())
-    }
-
-    /// A flight that passes the launcher, for all that is known of it, came from there.
-    fn adopt_launcher_if_near(&mut self) {
-        let Some(launcher) = self.terms.world.rig.launcher_in_court_m() else { return };
-        let first_s = self.fitted.time_s(&self.sightings[0]);
-        let Some(there) = self.fitted.model.passing(1, launcher.y, first_s - REACH_S[0]) else {
-            return;
-        };
-        let slope = &there.d_position;
-        let near_m2 = Matrix3::identity() * LAUNCHER_SIGMA_M.powi(2);
-        let covariance = slope * self.fitted.covariance * slope.transpose() + near_m2;
-        let off = there.position_m - launcher;
-        let is_near = covariance
-            .try_inverse()
-            .is_some_and(|inverse| off.dot(&(inverse * off)) < GATE_SIGMAS * GATE_SIGMAS);
-        if is_near {
-            self.launcher_m = Some(launcher);
-            self.finish();
-        }
-    }
-
-    /// When it left the launcher, or the earliest that is looked at.
-    fn begin_s(&self) -> f64 {
-        let first_s = self.sightings.first().map_or(0.0, |s| self.fitted.time_s(s));
-        let back_s = first_s - REACH_S[0];
-        let launcher = self.terms.world.rig.launcher_in_court_m();
-        let there = launcher.and_then(|at| self.fitted.model.passing(1, at.y, back_s));
-        there.map_or(back_s, |there| there.t_s)
-    }
-
-    /// How long the flight had been in its camera's image when it was first seen.
-    fn unseen_s(&self) -> f64 {
-        let (rig, first, begin_s) = (self.terms.world.rig, self.sightings[0], self.begin_s());
-        let lens = rig.eye(first.camera).lens;
-        let is_in_image = |kept: &&Kept| {
-            let time_s = self.fitted.time_s(&Sighting { t_ns: kept.t_ns, ..first });
-            let position_m = self.fitted.model.place_at(time_s).position_m;
-            let raw = rig.raw_from_tracking(first.camera, &position_m);
-            time_s >= begin_s && raw.is_some_and(|raw| lens.contains(raw))
-        };
-        let from_ns = later_ns(first.t_ns, -REACH_S[0]);
-        let entered = self.history.since(first.camera, from_ns).find(is_in_image);
-        entered.map_or(0.0, |kept| seconds_between(kept.t_ns, first.t_ns))
-    }
-
-    /// The spot of every frame of a time span that fits the flight best, if any is within the
-    /// gate.
-    fn gathered(&self, [earliest_s, latest_s]: [f64; 2], is_after: bool) -> Gathered {
-        let touch_s = self.fitted.model.touch().map_or(f64::INFINITY, |touch| touch.t_s);
-        let begin_s = self.begin_s();
-        let end_s = if is_after { touch_s + AFTER_S } else { touch_s - NEAR_BOUNCE_S };
-        let (from_s, to_s) = (earliest_s.max(begin_s), latest_s.min(end_s));
-        let is_all = earliest_s <= begin_s && latest_s >= end_s;
-        let from_ns = later_ns(self.reference_ns, from_s - MARGIN_S);
-        let mut sightings = Vec::with_capacity(self.sightings.len() + 64);
-        let mut worth = 0.0;
-        for camera in Camera::BOTH {
-            for kept in self.history.since(camera, from_ns) {
-                if seconds_between(self.reference_ns, kept.t_ns) > to_s + MARGIN_S {
-                    break;
-                }
-                match look::at(kept, &self.fitted, from_s..to_s, self.history, self.terms) {
-                    None => {}
-                    Some(Look::Missed) => worth += (1.0 - DETECTED).ln(),
-                    Some(Look::Seen { sighting, gain }) => {
-                        worth += gain;
-                        sightings.push(sighting);
-                    }
-                }
-            }
-        }
-        Gathered { sightings: ordered(sightings, self.terms), is_all, worth }
-    }
-}
-
-/// What was gathered along a flight.
-struct Gathered {
-    sightings: Vec<Sighting>,
-    /// Whether that was all of the flight.
-    is_all: bool,
-    worth: f64,
-}
-
-/// Rounding of times when frames are looked up.
-const MARGIN_S: f64 = 0.05;
-
-fn known(terms: &Terms, out_and_in_m_s: [Vector3<f64>; 2]) -> Known {
-    let Terms { world, ground_sigma_m, .. } = *terms;
-    Known { clock_s: world.clock_s, ground_sigma_m, out_and_in_m_s }
-}
-
-fn scene<'a>(terms: &Terms<'a>, launcher_m: Option<Point3<f64>>, has_bounce: bool) -> Scene<'a> {
-    let World { rig, physics, .. } = terms.world;
-    let bias_sigma_px = terms.bias_sigma_px;
-    Scene { rig, physics, launcher_m, has_bounce, reach_s: REACH_S, bias_sigma_px }
+/// A tracklet's tokens after so many bounces, by time.
+fn tokens(tracklet: &Tracklet, n_bounces: u32, history: &History, terms: &Terms) -> Vec<Sighting> {
+    let own = tracklet.tokens.iter().filter(|token| token.n_bounces == n_bounces);
+    ordered(own.filter_map(|token| history.sighting(token.id)).copied().collect(), terms)
 }
 
 #[cfg(test)]

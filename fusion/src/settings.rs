@@ -36,8 +36,9 @@ pub struct Settings {
     /// Whether a camera that was found to have turned is believed to stand where it now does; else
     /// that is told, and nothing is done.
     pub refines_rig: bool,
-    /// Whether a shot is told as soon as its bounce is sure, from two frames after it on, in place
-    /// of 40 ms after it. Where it bounced is known as well; how it went on from there is not.
+    /// Whether a shot is told as soon as its bounce is sure, most often with the first frame after
+    /// it, in place of 40 ms after it. Where it bounced is known as well; of how it went on from
+    /// there no more is told than what is expected of a ball, with wide sigmas.
     pub tells_early: bool,
 }
 

@@ -44,8 +44,8 @@ const DOUBT_MAX_PX: f64 = 25.0;
 const N_AFTER_BOUNCE: usize = 6;
 const AFTER_BOUNCE_S: f64 = 0.04;
 
-/// Tokens after a bounce with which a shot may be told early: two tell too little too often, and
-/// the fit was in vain.
+/// Tokens after a bounce with which a shot may be told early whose flight was not fitted while it
+/// flew: two tell too little too often, and the fit was in vain.
 const N_EARLY: usize = 3;
 
 /// Worth of a tracklet is not counted beyond this, so that an old one dies as soon as a young one.
@@ -214,6 +214,12 @@ impl Tracklet {
             _ => None,
         };
         touch_ns.map_or(self.last_ns, |touch_ns| later_ns(touch_ns, SILENCE_S))
+    }
+
+    /// Whether it is followed and was not followed through a bounce yet.
+    #[must_use]
+    pub fn has_flown_only(&self) -> bool {
+        self.n_bounces == 0 && !self.is_lost
     }
 
     /// Whether enough was seen after a bounce to be sure of it.

@@ -16,7 +16,7 @@
 use crate::flight::fitted::{Fitted, Scene, slope_and_off, time_s};
 use crate::flight::model::{Model, Span};
 use crate::flight::noise::{self, AXES, N_NOISE_MIN, Scatter};
-use crate::flight::unknowns::{Column, Covariance, N, Prior, Unknowns};
+use crate::flight::unknowns::{Column, Covariance, GROUND, N, Prior, Unknowns};
 use crate::motion::seconds_between;
 use crate::rectified::Sighting;
 use crate::solved::{self, solved};
@@ -66,8 +66,7 @@ pub fn from_sightings(
     let mut fit = Fit { sightings, reference_ns, prior, scene, noise, spread: 1.0 };
     let mut unknowns = fit.minimised(*start, ROUGH_STEP_MIN)?;
     if sightings.len() >= N_NOISE_MIN {
-        fit.noise = fit.noise_of(&unknowns)?;
-        fit.spread = fit.system(&unknowns)?.spread;
+        (fit.noise, fit.spread) = fit.noise_and_spread(&unknowns)?;
         unknowns = fit.minimised(unknowns, STEP_MIN)?;
     }
     fit.fitted(unknowns)
@@ -127,82 +126,88 @@ pub(super) struct Fit<'a> {
 /// Normal equations at some unknowns.
 pub(super) struct System {
     pub(super) normal: Covariance,
-    /// What is known without them.
-    known: Covariance,
-    /// What the sightings would say if all were trusted alike.
-    pixels: Covariance,
-    /// How much wider than that the answer scatters.
-    pub(super) spread: f64,
     gradient: Column,
     pub(super) cost: f64,
 }
 
+/// How sure unknowns are that were found, as sums over the sightings.
+struct Surety {
+    /// What is known without sightings.
+    known: Covariance,
+    /// What they say if all are trusted alike.
+    pixels: Covariance,
+    /// How much wider than that the answer scatters.
+    spread: f64,
+    /// What each of [`BIASES`] adds to the gradient.
+    pulls: [Column; BIASES.len()],
+    /// What each of the rig's numbers adds to it; None if the rig is beyond doubt.
+    rig_pull: Option<SMatrix<f64, N, RIG>>,
+}
+
 impl Fit<'_> {
-    /// With the spread and covariance there, and followed as far as the scene wants.
-    fn fitted(mut self, unknowns: Unknowns) -> Option<Fitted> {
-        let system = self.system(&unknowns)?;
-        self.spread = system.spread;
-        let pixels = system.pixels / self.spread;
-        let covariance_of_fit = inverse(&(system.known + pixels))?;
+    /// With the covariance there, and followed as far as the scene wants.
+    fn fitted(self, unknowns: Unknowns) -> Option<Fitted> {
+        let model = self.model(&unknowns, self.scene.reach_s);
+        let Surety { known, pixels, spread, pulls, rig_pull } = self.surety(&unknowns, &model)?;
+        let pixels = pixels / spread;
+        let covariance_of_fit = inverse(&(known + pixels))?;
         // What the unknowns took up is missing from the residuals that told the spread.
         let n_taken = (covariance_of_fit * pixels).trace();
         let n_residuals = AXES * self.sightings.len() as f64;
         let free = (1.0 - n_taken / n_residuals).max(FREE_MIN);
-        let mut covariance = inverse(&(system.known + pixels * free))?;
-        for pull in self.pulls(&unknowns)? {
+        let mut covariance = inverse(&(known + pixels * free))?;
+        for pull in pulls {
             let off = covariance_of_fit * pull;
             covariance += off * off.transpose();
         }
-        covariance += self.doubt_of_rig(&unknowns, &covariance_of_fit)?;
-        let model = self.model(&unknowns, self.scene.reach_s);
+        if let (Some(pull), Some(doubt)) = (rig_pull, self.scene.rig.covariance()) {
+            // The calibration's own doubt is considered as the biases are.
+            let response = covariance_of_fit * pull;
+            covariance += response * doubt * response.transpose();
+        }
         let Fit { reference_ns, noise, .. } = self;
         Some(Fitted { reference_ns, unknowns, covariance, model, noise })
     }
 
-    /// What each of [`BIASES`] adds to the gradient.
-    fn pulls(&self, unknowns: &Unknowns) -> Option<[Column; BIASES.len()]> {
-        let mut pulls = [Column::zeros(); BIASES.len()];
-        if self.scene.bias_sigma_px == 0.0 {
-            return Some(pulls);
+    fn surety(&self, unknowns: &Unknowns, model: &Model) -> Option<Surety> {
+        let rig = self.scene.rig;
+        let mut known = self.prior.information;
+        if let Some((slope, _)) = self.launcher(model) {
+            known += slope.transpose() * slope;
         }
-        let model = self.model(unknowns, [0.0; 2]);
+        let mut pixels = Covariance::zeros();
+        let mut scatter = Scatter::default();
+        let mut pulls = [Column::zeros(); BIASES.len()];
+        let mut rig_pull = rig.covariance().map(|_| SMatrix::<f64, N, RIG>::zeros());
         let last = self.sightings.len() as f64 - 1.0;
         for (i, sighting) in self.sightings.iter().enumerate() {
             let time_s = time_s(sighting, self.reference_ns, unknowns);
-            let (slope, _) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
+            let (slope, off) = slope_and_off(sighting, time_s, model, rig)?;
             let white = self.whitening(sighting)?;
-            let slope = white * slope;
+            let (slope, off) = (white * slope, white * off);
+            add_outer(&mut pixels, &slope, 1.0, n_columns(model, time_s));
+            if sighting.hidden_px2 == 0.0 {
+                scatter.update(sighting.camera, &off, noise::weight(off.norm_squared()));
+            }
             let far = 2.0 * i as f64 / last - 1.0;
-            for (pull, bias) in pulls.iter_mut().zip(BIASES) {
-                let off = white * Vector2::from(bias(far)) * self.scene.bias_sigma_px;
-                *pull += slope.transpose() * off / self.spread;
+            if self.scene.bias_sigma_px > 0.0 {
+                for (pull, bias) in pulls.iter_mut().zip(BIASES) {
+                    let off = white * Vector2::from(bias(far)) * self.scene.bias_sigma_px;
+                    *pull += slope.transpose() * off;
+                }
+            }
+            if let Some(pull) = &mut rig_pull {
+                let (camera, position_m) = (sighting.camera, model.place_at(time_s).position_m);
+                let (_, by_rig) = rig.raw_and_slope_by_camera(camera, &position_m)?;
+                let mut part = pull.fixed_columns_mut::<CAMERA>(first_of(camera));
+                part += slope.transpose() * (white * by_rig);
             }
         }
-        Some(pulls)
-    }
-
-    /// What the calibration's own doubt adds to the covariance: the rig's numbers are considered
-    /// as [`BIASES`] are.
-    fn doubt_of_rig(
-        &self,
-        unknowns: &Unknowns,
-        covariance_of_fit: &Covariance,
-    ) -> Option<Covariance> {
-        let Some(doubt) = self.scene.rig.covariance() else { return Some(Covariance::zeros()) };
-        let model = self.model(unknowns, [0.0; 2]);
-        let mut pull = SMatrix::<f64, N, RIG>::zeros();
-        for sighting in self.sightings {
-            let time_s = time_s(sighting, self.reference_ns, unknowns);
-            let (slope, _) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
-            let position_m = model.place_at(time_s).position_m;
-            let camera = sighting.camera;
-            let (_, by_rig) = self.scene.rig.raw_and_slope_by_camera(camera, &position_m)?;
-            let white = self.whitening(sighting)?;
-            let mut part = pull.fixed_columns_mut::<CAMERA>(first_of(camera));
-            part += (white * slope).transpose() * (white * by_rig) / self.spread;
-        }
-        let response = covariance_of_fit * pull;
-        Some(response * doubt * response.transpose())
+        pixels.fill_lower_triangle_with_upper_triangle();
+        let spread = scatter.spread();
+        let pulls = pulls.map(|pull| pull / spread);
+        let rig_pull = rig_pull.map(|pull| pull / spread);
+        Some(Surety { known, pixels, spread, pulls, rig_pull })
     }
 
     pub(super) fn minimised(&self, start: Unknowns, step_min: f64) -> Option<Unknowns> {
@@ -247,7 +252,6 @@ impl Fit<'_> {
             cost += 0.5 * off.norm_squared();
         }
         let mut trusted = Covariance::zeros();
-        let mut pixels = Covariance::zeros();
         let mut scatter = Scatter::default();
         for sighting in self.sightings {
             let time_s = time_s(sighting, self.reference_ns, unknowns);
@@ -258,20 +262,17 @@ impl Fit<'_> {
             let weight = noise::weight(square);
             let trust = 1.0 / self.spread;
             cost += trust * noise::cost(square);
-            add_outer(&mut trusted, &slope, weight * trust);
-            add_outer(&mut pixels, &slope, 1.0);
+            add_outer(&mut trusted, &slope, weight * trust, n_columns(&model, time_s));
             gradient += slope.transpose() * off * (weight * trust);
             if sighting.hidden_px2 == 0.0 {
                 scatter.update(sighting.camera, &off, weight);
             }
         }
-        let spread = scatter.spread();
         // Weights that fall with distance make the true curvature less: without this each step
         // leaves a third of the way, with it a tenth.
         trusted.fill_lower_triangle_with_upper_triangle();
-        pixels.fill_lower_triangle_with_upper_triangle();
         let normal = known + trusted * scatter.curvature();
-        cost.is_finite().then_some(System { normal, known, pixels, spread, gradient, cost })
+        cost.is_finite().then_some(System { normal, gradient, cost })
     }
 
     /// Followed back to the launcher if it is known to come from there.
@@ -315,20 +316,33 @@ impl Fit<'_> {
     }
 
     /// Noise of each camera, as a multiple of what its sightings say of themselves: the scale of
-    /// Student's t that its residuals are likeliest under.
-    fn noise_of(&self, unknowns: &Unknowns) -> Option<[f64; 2]> {
+    /// Student's t that its residuals are likeliest under. And the spread of an answer under it.
+    fn noise_and_spread(&self, unknowns: &Unknowns) -> Option<([f64; 2], f64)> {
         let model = self.model(unknowns, [0.0; 2]);
+        let mut offs_px = Vec::with_capacity(self.sightings.len());
         let mut squares: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
         // What is wide by other reasons says nothing of the noise.
         for sighting in self.sightings.iter().filter(|s| s.hidden_px2 == 0.0) {
             let time_s = time_s(sighting, self.reference_ns, unknowns);
-            let (_, off) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
-            let white = self.whitening(sighting)?;
-            squares[sighting.camera.idx()].push((white * off).norm_squared());
+            let (_, off_px) = slope_and_off(sighting, time_s, &model, self.scene.rig)?;
+            let off = self.whitening(sighting)? * off_px;
+            squares[sighting.camera.idx()].push(off.norm_squared());
+            offs_px.push((sighting, off_px));
         }
         let noise = [0, 1].map(|i| noise::scaled(self.noise[i], &squares[i]));
-        noise.iter().all(|scale| scale.is_finite()).then_some(noise)
+        let scaled = Fit { noise, ..*self };
+        let mut scatter = Scatter::default();
+        for (sighting, off_px) in offs_px {
+            let off = scaled.whitening(sighting)? * off_px;
+            scatter.update(sighting.camera, &off, noise::weight(off.norm_squared()));
+        }
+        noise.iter().all(|scale| scale.is_finite()).then_some((noise, scatter.spread()))
     }
+}
+
+/// Columns that may not be zero: before the bounce neither ground nor velocity after it matter.
+fn n_columns(model: &Model, time_s: f64) -> usize {
+    if model.is_after(time_s) { N } else { GROUND }
 }
 
 /// None if the matrix is not positive definite.
@@ -337,9 +351,9 @@ pub(super) fn inverse(matrix: &Covariance) -> Option<Covariance> {
     Some(Covariance::from_fn(|i, j| inverse[(i, j)]))
 }
 
-/// Adds `w sᵀ s` to the upper triangle.
-fn add_outer(matrix: &mut Covariance, slope: &SMatrix<f64, 2, N>, weight: f64) {
-    for column in 0..N {
+/// Adds `w sᵀ s` to the upper triangle, of the first columns.
+fn add_outer(matrix: &mut Covariance, slope: &SMatrix<f64, 2, N>, weight: f64, n: usize) {
+    for column in 0..n {
         let [x, y] = [slope[(0, column)] * weight, slope[(1, column)] * weight];
         for row in 0..=column {
             matrix[(row, column)] += x * slope[(0, row)] + y * slope[(1, row)];

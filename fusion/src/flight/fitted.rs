@@ -7,7 +7,7 @@ use crate::motion::seconds_between;
 use crate::rectified::Sighting;
 use crate::world::ball::Physics;
 use crate::world::rig::Rig;
-use nalgebra::{Matrix2x3, Point3, SMatrix, Vector2};
+use nalgebra::{DMatrix, DVector, Matrix2x3, Point3, SMatrix, Vector2};
 use shm_layout::{Camera, StampNs};
 
 /// What is not fitted.
@@ -49,6 +49,12 @@ impl Fitted {
         time_s(sighting, self.reference_ns, &self.unknowns)
     }
 
+    /// Right clock less left clock, and 1 sigma.
+    #[must_use]
+    pub fn clock_s(&self) -> [f64; 2] {
+        [self.unknowns.clock_s, self.covariance[(CLOCK, CLOCK)].sqrt()]
+    }
+
     /// Where a sighting's camera should have seen the ball at its time, the derivative of that by
     /// all unknowns, and how far off the sighting is; None if the ball is behind the camera.
     #[must_use]
@@ -75,6 +81,24 @@ impl Fitted {
         let noise = self.noise[sighting.camera.idx()];
         let covariance = sighting.total_px2(noise) + slope * self.covariance * slope.transpose();
         Some(off.dot(&(covariance.try_inverse()? * off)).sqrt())
+    }
+
+    /// Squared Mahalanobis distance of some sightings together, in sigmas of their own noise and of
+    /// the fit, whose doubt they share.
+    #[must_use]
+    pub fn square_of_all(&self, sightings: &[Sighting], rig: &Rig) -> Option<f64> {
+        let mut slopes = DMatrix::zeros(2 * sightings.len(), N);
+        let mut offs_px = DVector::zeros(2 * sightings.len());
+        let mut noise_px2 = DMatrix::zeros(offs_px.len(), offs_px.len());
+        for (i, sighting) in sightings.iter().enumerate() {
+            let (slope, off_px) = self.seen(sighting, rig)?;
+            let noise = self.noise[sighting.camera.idx()];
+            slopes.fixed_view_mut::<2, N>(2 * i, 0).copy_from(&slope);
+            offs_px.fixed_rows_mut::<2>(2 * i).copy_from(&off_px);
+            noise_px2.fixed_view_mut::<2, 2>(2 * i, 2 * i).copy_from(&sighting.total_px2(noise));
+        }
+        let covariance_px2 = &slopes * self.covariance * slopes.transpose() + noise_px2;
+        Some(offs_px.dot(&covariance_px2.cholesky()?.solve(&offs_px)))
     }
 }
 

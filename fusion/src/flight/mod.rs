@@ -23,7 +23,7 @@ use fitted::{Fitted, sigma_of};
 use model::Instant;
 use nalgebra::{Matrix2, Matrix3, Vector3};
 use shm_layout::StampNs;
-use unknowns::{CLOCK, SPIN, spin_axes};
+use unknowns::{SPIN, spin_axes};
 
 /// Scatter of lift from ball to ball, as a part of it (Cross & Lindsey 2014: 10-15 %): how well a
 /// spin is known from the lift it makes.
@@ -151,8 +151,7 @@ impl Flight {
     /// Right clock less left clock, and 1 sigma, seconds.
     #[must_use]
     pub fn clock_s(&self) -> [f64; 2] {
-        let variance = self.fitted.covariance[(CLOCK, CLOCK)];
-        [self.fitted.unknowns.clock_s, variance.sqrt()]
+        self.fitted.clock_s()
     }
 
     /// RMS distance (both axes) of each camera's sightings from the flight; None for a camera that

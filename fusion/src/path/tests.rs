@@ -1,6 +1,8 @@
 //! Laws of [`super`].
 
+use super::growth::AFTER_S;
 use super::*;
+use crate::motion::later_ns;
 use crate::pretend::{self, GOOD_SIGHT, POOR_SIGHT, Serve, THESIS_SERVE};
 use crate::{Fusion, Settings, history::SpotId};
 
@@ -26,6 +28,29 @@ fn what_a_tracklet_has_not_found_before_it_began_and_in_gaps_joins_its_path() {
     // All, but for the noise's tails and the frames next to the bounce.
     let n = path.sightings.len();
     assert!(path.has_bounce && n <= n_spots && n + 4 >= n_spots, "{n} of {n_spots}");
+}
+
+#[test]
+fn one_sighting_is_as_far_off_by_itself_as_among_all_and_two_share_the_doubt_of_the_fit() {
+    let (frames, _) = pretend::seen(&[SERVE], 120, &POOR_SIGHT, 1);
+    let (fusion, _) = pretend::fed(pretend::reference_rig(), Settings::default(), &frames);
+    let Path { sightings, fitted, .. } = path_of(&fusion.tracklets.all[0], &fusion);
+    let fitted = fitted.unwrap();
+    let square = |some: &[Sighting]| fitted.square_of_all(some, &fusion.rig).unwrap();
+    for sighting in &sightings {
+        let alone = fitted.distance(sighting, &fusion.rig).unwrap().powi(2);
+        assert!((square(&[*sighting]) - alone).abs() < 1e-9 * (1.0 + alone));
+    }
+    // 8 px to the side, once in the one place and once in the other: no flight has both.
+    let moved = |by_px: f64| {
+        let mut moved = *sightings.last().unwrap();
+        moved.raw.x_px += by_px;
+        moved
+    };
+    let [left, right] = [moved(-8.0), moved(8.0)];
+    assert!(square(&[left, right]) > square(&[left]) + square(&[right]));
+    assert!(square(&[right, right]) < square(&[right]) * 2.0);
+    assert_eq!(square(&[]), 0.0);
 }
 
 #[test]

@@ -37,6 +37,8 @@ pub struct Cell {
     pub row_time_s: (f64, f64),
     /// Where candidates come from.
     pub level: Level,
+    /// Whether shots are told as soon as their bounce is sure.
+    pub is_early: bool,
 }
 
 /// Where candidates come from.
@@ -107,6 +109,7 @@ impl Cell {
             clocks: ClockRanges::free(0.0),
             row_time_s: (0.0, 0.0),
             level: Level::Candidates(sight),
+            is_early: false,
         }
     }
 
@@ -143,15 +146,19 @@ impl Cell {
 
     /// What `fusion` is told.
     pub fn settings(&self) -> Settings {
+        let tells_early = self.is_early;
         match self.level {
             // Nothing shines on candidates that are drawn, and their ground is where it is said.
             Level::Candidates(sight) => Settings {
                 sigma_px: sight.sigma_px,
                 bias_sigma_px: 0.0,
                 ground_sigma_m: 1e-5,
+                tells_early,
                 ..Settings::default()
             },
-            Level::Pixels(_) => Settings { sigma_px: SIGMA_OF_WORKERS_PX, ..Settings::default() },
+            Level::Pixels(_) => {
+                Settings { sigma_px: SIGMA_OF_WORKERS_PX, tells_early, ..Settings::default() }
+            }
         }
     }
 

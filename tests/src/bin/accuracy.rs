@@ -29,6 +29,9 @@ struct Flags {
     /// The first stream's; each other stream has the next one.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Tell shots as soon as their bounce is sure.
+    #[arg(long, conflicts_with = "write")]
+    early: bool,
     /// Renew tests/results/accuracy.md.
     #[arg(long, conflicts_with = "cells")]
     write: bool,
@@ -39,7 +42,8 @@ struct Flags {
 
 fn main() -> anyhow::Result<()> {
     let flags = Flags::parse();
-    let cells = cells_from_flags(&flags)?;
+    let mut cells = cells_from_flags(&flags)?;
+    cells.iter_mut().for_each(|cell| cell.is_early = flags.early);
     let n_shots = flags.shots.map(|n| n as usize);
     let scores = accuracy::scores(&cells, n_shots, flags.seed, |words| eprintln!("{words}"));
     let rows: Vec<Row> =

@@ -60,8 +60,8 @@ struct Flags {
     /// Measure on with the rig as it now seems to stand when a camera was found to have turned.
     #[arg(long)]
     refine_rig: bool,
-    /// Tell a shot as soon as its bounce is sure, some 30 ms earlier: where it bounced is known as
-    /// well, how it went on from there is not.
+    /// Tell a shot as soon as its bounce is sure, most often with the first frame after it, some 45
+    /// ms earlier: where it bounced is known as well, how it went on from there is not.
     #[arg(long)]
     early: bool,
     /// The ball machine: what to tell it for the next ball is published as `corrections`, for what
