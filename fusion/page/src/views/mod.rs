@@ -1,8 +1,10 @@
 //! What goes over the wire: SI units with suffixes; what was not observed is null.
 
+mod labels;
 mod setup;
 mod status;
 
+pub use labels::*;
 pub use setup::*;
 pub use status::*;
 
@@ -95,6 +97,9 @@ pub struct BallRow {
     pub session_id: i64,
     /// When it was told, Unix time.
     pub at_ms: i64,
+    /// How long after its bounce it was told; null when the stamps are of a recording.
+    #[serde(default)]
+    pub age_ms: Option<f64>,
     /// As in shots/1: "measured", "no bounce seen" ...
     pub outcome: String,
     /// At the launcher.

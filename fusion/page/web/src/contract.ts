@@ -63,6 +63,8 @@ export interface ShotRow {
   id: number;
   session_id: number;
   at_ms: number;
+  /** How long after its bounce it was told; null when it was recorded. */
+  age_ms?: number | null;
   outcome: string;
   speed_m_s: number | null;
   speed_sigma_m_s: number | null;
@@ -240,6 +242,14 @@ export interface Recording {
   name: string;
   bytes: number;
   at_ms: number;
+}
+
+/** A clip that a person can say of where the ball is. */
+export interface Clip {
+  name: string;
+  bytes: number;
+  at_ms: number;
+  is_labelled: boolean;
 }
 
 export interface Problem {
