@@ -182,6 +182,10 @@ pub fn listen(domain: &Domain, out: &Out, stop: &Stop) -> Result<(), Error> {
         if told_at.elapsed() >= Duration::from_secs(1) {
             told_at = Instant::now();
             let counts = std::mem::take(&mut counts);
+            // A killed fusion counts as a writer until somebody has removed what it left.
+            if let Err(why) = domain.remove_stale() {
+                tracing::warn!(%why, "what killed processes left stays");
+            }
             out.send(News::Flow { counts, is_fusion_alive: shots.n_writers() > 0 });
         }
         alarm.wait()?;

@@ -52,7 +52,7 @@ pub struct Net {
     pub height_center_m: f64,
 }
 
-/// Something to aim at; at most two of the last four are given.
+/// Something to aim at; at most two of speed, spin, height over the net and apex.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
@@ -70,6 +70,9 @@ pub struct Target {
     pub net_height_m: Option<f64>,
     /// Of the ball's centre where it is highest.
     pub apex_m: Option<f64>,
+    /// Balls in a row, 1 to 1000; null is 1.
+    #[serde(default)]
+    pub repeat: Option<u32>,
 }
 
 impl Target {
@@ -84,6 +87,7 @@ impl Target {
             spin_rpm: None,
             net_height_m: None,
             apex_m: None,
+            repeat: None,
         }
     }
 }

@@ -57,6 +57,8 @@ export interface Target {
   spin_rpm: number | null;
   net_height_m: number | null;
   apex_m: number | null;
+  /** Balls in a row; null is one. */
+  repeat?: number | null;
 }
 
 export interface ShotRow {
