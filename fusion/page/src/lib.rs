@@ -7,7 +7,7 @@
 //! command and correction of one ball put together), [`history`] (SQLite), [`desk`] (who knows
 //! all of it and tells those who watch), [`figures`] (what came of a session), [`aiming`] (what a
 //! target takes), [`drills`] (their files), [`drill`] (who fires balls), [`setup`] (tools that
-//! are run as processes), [`labels`] (where the ball is in a clip, as a person says), [`label_file`]
+//! are run as processes), [`labels`] (where a person says the ball is in a clip), [`label_file`]
 //! (kept on disk), [`clips`] (which there are), [`guard`] (who may ask for what), [`api`] (the
 //! routes and their OpenAPI).
 //!
