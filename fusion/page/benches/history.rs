@@ -37,7 +37,7 @@ fn main() {
         if let Some(row) = history.session(id)? {
             black_box(figures::session(row, &outlines));
         }
-        Ok(outlines)
+        Ok::<_, page::history::Error>(outlines)
     };
     timed("figures of an hour (1200 balls)", || figures(4, MAX_BALLS).map(drop));
     timed("figures of a day (28800 balls)", || figures(2, MAX_BALLS).map(drop));

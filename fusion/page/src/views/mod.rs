@@ -70,8 +70,8 @@ pub struct Target {
     pub net_height_m: Option<f64>,
     /// Of the ball's centre where it is highest.
     pub apex_m: Option<f64>,
-    /// Balls in a row, 1 to 1000; null is 1.
-    #[serde(default)]
+    /// Balls in a row, 1 to 1000; left out it is 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeat: Option<u32>,
 }
 
