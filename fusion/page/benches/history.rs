@@ -1,6 +1,6 @@
 //! `cargo bench -p page`: how long the page's questions take of a hundred thousand balls.
 //!
-//! The balls have shots of their true size (a track of 120 points), so the file is a gigabyte; it
+//! The balls have shots as long as real ones (a track of 120 points), so the file is 1.5 GB; it
 //! lies in a folder that is gone afterwards. Medians and the slowest of some turns, on whatever
 //! machine this is.
 
