@@ -45,12 +45,14 @@ test("a target is drawn by a tap, moved by keys, and kept", async ({ open, serve
   await page.keyboard.press("ArrowLeft");
   await expect(across).toHaveValue(`${Number((x - 0.1).toFixed(2))}`);
   await page.keyboard.press("Shift+ArrowDown");
+  await page.getByLabel("Balls in a row").fill("3");
   await expect(page.locator(".aim.good")).toBeVisible();
   await picture(page, info, "drill-draw");
   await page.getByRole("button", { name: "Save" }).click();
   await expect(page.getByRole("button", { name: "Save" })).toBeDisabled();
-  const { drills } = await server.ask<{ drills: { name: string; targets: unknown[] }[] }>("/drills");
-  expect(drills.find((one) => one.name === "from the test")?.targets.length).toBe(2);
+  const { drills } = await server.ask<{ drills: { name: string; targets: { repeat?: number }[] }[] }>("/drills");
+  const kept = drills.find((one) => one.name === "from the test");
+  expect(kept?.targets.map((one) => one.repeat ?? 1)).toEqual([1, 3]);
   await page.getByRole("button", { name: "Delete" }).click();
   await expect
     .poll(async () => (await server.ask<{ drills: { name: string }[] }>("/drills")).drills.map((one) => one.name))

@@ -59,6 +59,15 @@ test("a clip is recorded and listed, and logs are saved", async ({ page }) => {
   await page.getByLabel(/^Length/).fill("2");
   await page.getByRole("button", { name: "Record", exact: true }).click();
   await expect(page.locator(".files-list li").first()).toBeVisible({ timeout: 40_000 });
+  // The session that went on meanwhile leads to it.
+  await page.locator('.tabs a[href="#/session"]').click();
+  const [clip] = await Promise.all([
+    page.waitForEvent("download"),
+    page.getByRole("link", { name: /^MCAP \d/ }).first().click(),
+  ]);
+  const mcap = readFileSync((await clip.path())!);
+  expect(mcap.subarray(1, 5).toString(), "the file begins as MCAP does").toBe("MCAP");
+  await page.locator('.tabs a[href="#/setup"]').click();
   const [logs] = await Promise.all([
     page.waitForEvent("download"),
     page.getByRole("button", { name: "Download logs" }).click(),

@@ -16,9 +16,11 @@ const PICTURES = join(ROOT, "tests/pictures");
 export interface Ball {
   id: number;
   at_ms: number;
+  /** How long after its bounce it was told; null when it was recorded. */
+  age_ms: number | null;
   outcome: string;
   sentence: string | null;
-  shot: { bounce: { t_ns: number } | null };
+  shot: { shot_idx?: number; bounce: { t_ns: number } | null };
 }
 
 export class Server {

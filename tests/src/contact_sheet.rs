@@ -83,7 +83,7 @@ fn cut_out(luma: &[u8], (width, height): (u32, u32), [x, y]: [i32; 2]) -> image:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::labels::Label;
+    use page::labels::Label;
 
     #[test]
     fn a_sheet_shows_frames_and_balls() {

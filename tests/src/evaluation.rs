@@ -4,7 +4,7 @@
 //! candidate lies within [`FOUND_WITHIN_PX`] of its label; every other candidate is false, those a
 //! worker left out for want of room included. The time is that of the whole worker step.
 
-use crate::labels::Labels;
+use page::labels::Labels;
 use shm_layout::{Candidate, FrameInfo};
 use std::time::Instant;
 use workers::strip::Strip;
@@ -156,7 +156,7 @@ pub fn text_from(scores: &[Score]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::labels::Label;
+    use page::labels::Label;
     use workers::method::TABLE_1;
 
     /// A bright square of 6 px that moves 4 px a frame over a flat background, in frames 40 to 59.

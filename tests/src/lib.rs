@@ -17,9 +17,8 @@
 //!
 //! [`player`] plays a scenario into shared memory, [`processes`] and [`chain`] start the real
 //! binaries, on [`hosts`] of a network that is as bad as asked; [`link`] measures what gets
-//! through. A person says where the ball is in a clip: [`labels`], kept on disk by a
-//! [`label_file`], made on the page that [`labelling`] serves to itself alone ([`sender`]).
-//! [`evaluation`] and [`overlay`] say and show how well balls are found there.
+//! through. A person says where the ball is in a clip (`page::labels`); [`evaluation`] and
+//! [`overlay`] say and show how well balls are found there.
 //!
 //! A [`witness`] keeps an account of every frame; [`kills`] says how soon a board goes on without
 //! one of its processes.
@@ -116,14 +115,6 @@ pub mod faults;
 pub mod link;
 
 pub mod latency;
-
-pub mod labels;
-
-pub mod label_file;
-
-pub mod sender;
-
-pub mod labelling;
 
 pub mod evaluation;
 

@@ -4,7 +4,7 @@
 //! shows the ball of all frames at once (its Figure 33): each pixel as it differed most from the
 //! first frame.
 
-use crate::labels::Label;
+use page::labels::Label;
 use shm_layout::Candidate;
 use std::io::{self, Write};
 

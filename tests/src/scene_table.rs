@@ -16,11 +16,11 @@ use workers::method::Method;
 use crate::background::{Background, BackgroundKey};
 use crate::camera::Side;
 use crate::evaluation::{Evaluation, Score};
-use crate::labels::{Label, Labels};
 use crate::renderer::Renderer;
 use crate::scenario::Scenario;
 use crate::scenes::{LEARNED_UNTIL_S, Scene, Take, Target};
 use crate::truth::{Flight, Truth};
+use page::labels::{Label, Labels};
 
 /// Threads that play scenes.
 const N_THREADS: usize = 2;

@@ -13,10 +13,10 @@ use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 
 use crate::camera::{self, Side};
-use crate::labels::{self, Labels};
 use crate::renderer::Renderer;
 use crate::scenario::Scenario;
 use crate::truth::{Flight, Truth};
+use page::labels::{self, Labels};
 
 /// Writes a folder of `n_frames` per camera; `progress` hears how many the left one has.
 pub fn write(

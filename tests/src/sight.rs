@@ -7,8 +7,8 @@
 
 use crate::camera::Camera;
 use crate::cast::Cast;
-use crate::labels::Label;
 use crate::renderer::Renderer;
+use page::labels::Label;
 
 /// A pixel looks one pixel around itself; another two show that the ball ends there.
 const EDGE_PX: f64 = 3.0;

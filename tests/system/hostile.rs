@@ -13,10 +13,10 @@ use fusion::calibration::exchange::document::Document;
 use fusion::calibration::exchange::{self, Files, Given};
 use fusion::candidates_csv;
 use fusion::drill::Drill;
+use page::label_file::{Extent, LabelFile};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
-use tests::label_file::{Extent, LabelFile};
 
 /// Damaged files of each kind.
 const N_CASES: u64 = 3000;

@@ -1,11 +1,13 @@
 //! `label`: labels set over its own HTTP stand in the CSV when it ends.
 
 use crate::run::words;
+use page::labels::{self, Label};
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
-use tests::labels::{self, Label};
+
+const CLIP: &str = "/api/v1/clips/clip.y4m";
 
 /// Five frames of 16x8.
 fn clip_in(folder: &Path) {
@@ -27,6 +29,7 @@ fn label(folder: &Path, video: &str, csv: &str, flags: &[&str]) -> Command {
 struct Served {
     child: Child,
     host: String,
+    token: String,
 }
 
 impl Served {
@@ -34,17 +37,24 @@ impl Served {
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let host = line.trim().strip_prefix("http://").and_then(|url| url.strip_suffix('/'));
-        let host = host.unwrap_or_else(|| panic!("expected a URL, got {line:?}")).to_owned();
-        Self { child, host }
+        let url = line.trim().strip_prefix("http://");
+        let parts = url.and_then(|url| url.split_once("/label/#token="));
+        let (host, token) = parts.unwrap_or_else(|| panic!("expected a URL, got {line:?}"));
+        Self { child, host: host.to_owned(), token: token.to_owned() }
     }
 
     /// The status and what follows the head of the answer.
     fn ask(&self, method: &str, path: &str, body: &str) -> (u16, Vec<u8>) {
+        self.ask_with(&self.token, method, path, body)
+    }
+
+    fn ask_with(&self, token: &str, method: &str, path: &str, body: &str) -> (u16, Vec<u8>) {
         let Self { host, .. } = self;
         let n_bytes = body.len();
         let mut stream = TcpStream::connect(host).unwrap();
         let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n");
+        let head = format!("{head}Authorization: Bearer {token}\r\n");
+        let head = format!("{head}Content-Type: application/json\r\n");
         write!(stream, "{head}Content-Length: {n_bytes}\r\n\r\n{body}").unwrap();
         let mut answer = Vec::new();
         stream.read_to_end(&mut answer).unwrap();
@@ -74,19 +84,21 @@ fn labels_set_over_http_stand_in_the_file() {
     let csv = folder.path().join("ball.csv");
     let read = || labels::from_csv(std::fs::File::open(&csv).unwrap()).unwrap();
     let served = Served::start(label(folder.path(), "clip.y4m", "ball.csv", &[]));
-    let (status, page) = served.ask("GET", "/", "");
+    let (status, page) = served.ask("GET", "/label/", "");
     assert!(status == 200 && page.starts_with(b"<!doctype html>"));
-    let (status, png) = served.ask("GET", "/frames/4.png", "");
+    let (status, png) = served.ask("GET", &format!("{CLIP}/frames/4"), "");
     assert_eq!(status, 200);
     assert_eq!(image::load_from_memory(&png).unwrap().to_luma8().into_raw(), [4; 128]);
     for frame_idx in [1, 2, 4] {
         let body = format!(r#"{{"x_px":{frame_idx}.25,"y_px":3,"is_hard":{}}}"#, frame_idx == 2);
-        let (status, text) = served.ask("PUT", &format!("/labels/{frame_idx}"), &body);
+        let (status, text) = served.ask("PUT", &format!("{CLIP}/labels/{frame_idx}"), &body);
         assert_eq!(status, 204, "{}", String::from_utf8_lossy(&text));
         assert_eq!(read()[&frame_idx].x_px, frame_idx as f64 + 0.25, "saved before answered");
     }
-    assert_eq!(served.ask("DELETE", "/labels/1", "").0, 204);
-    assert_eq!(served.ask("PUT", "/labels/5", r#"{"x_px":1,"y_px":1,"is_hard":false}"#).0, 404);
+    let [first, beyond] = [1, 5].map(|frame_idx| format!("{CLIP}/labels/{frame_idx}"));
+    assert_eq!(served.ask_with("guessed", "DELETE", &first, "").0, 401, "and nothing has changed");
+    assert_eq!(served.ask("DELETE", &first, "").0, 204);
+    assert_eq!(served.ask("PUT", &beyond, r#"{"x_px":1,"y_px":1,"is_hard":false}"#).0, 404);
     // Somebody who has connected and says nothing keeps nobody from ending.
     let silent = TcpStream::connect(&served.host).unwrap();
     assert_eq!(served.end(rustix::process::Signal::INT), Some(0));
@@ -96,7 +108,7 @@ fn labels_set_over_http_stand_in_the_file() {
     assert_eq!(read(), [(2, hard), (4, easy)].into());
 
     let served = Served::start(label(folder.path(), "clip.y4m", "ball.csv", &[]));
-    let (_, listed) = served.ask("GET", "/labels", "");
+    let (_, listed) = served.ask("GET", &format!("{CLIP}/labels"), "");
     assert!(
         String::from_utf8(listed).unwrap().contains(r#""x_px":2.25,"y_px":3.0,"is_hard":true"#)
     );

@@ -204,6 +204,7 @@ pub(crate) mod tests {
             spin_rpm: None,
             net_height_m: None,
             apex_m: None,
+            repeat: None,
         }
     }
 

@@ -4,6 +4,7 @@ use crate::views::{Air, Ball, BallRow, Correction, Part, Settings, Target, Xy};
 use fusion::aim::machine_toml::rpm_from_rad_s;
 use serde::Deserialize;
 use serde_json::Value;
+use shm_layout::stamp::StampNs;
 
 /// Why a text of shared memory is no shot or correction of ours.
 #[derive(Debug, thiserror::Error)]
@@ -39,6 +40,7 @@ struct LaunchSigmaView {
 
 #[derive(Deserialize)]
 struct BounceView {
+    t_ns: Option<i64>,
     position_m: [f64; 3],
     covariance_m2: [Xy; 2],
 }
@@ -49,11 +51,31 @@ struct NetView {
     sigma_m: f64,
 }
 
+/// A moment, by both clocks.
+#[derive(Debug, Clone, Copy)]
+pub struct At {
+    /// For people: Unix time.
+    pub unix_ms: i64,
+    /// The one of stamps.
+    pub stamp_ns: StampNs,
+}
+
+/// What is told later after its bounce is not told as it happens: its stamps are of a recording.
+const MAX_AGE_MS: f64 = 10_000.0;
+
+impl At {
+    /// How long ago that was, if it is just over.
+    fn age_ms(self, stamp_ns: StampNs) -> Option<f64> {
+        let age_ms = self.stamp_ns.saturating_sub(stamp_ns) as f64 * 1e-6;
+        (0.0..MAX_AGE_MS).contains(&age_ms).then_some(age_ms)
+    }
+}
+
 /// A ball from its shot alone, and the shot's number of this run of fusion.
 ///
 /// # Errors
 /// When the text is no shot.
-pub fn from_shot(text: &str, id: i64, session_id: i64, at_ms: i64) -> Result<(Ball, u64), Error> {
+pub fn from_shot(text: &str, id: i64, session_id: i64, told: At) -> Result<(Ball, u64), Error> {
     let wrong = |why| Error { what: "shot", why };
     let shot: Value = serde_json::from_str(text).map_err(wrong)?;
     let view: ShotView = serde_json::from_str(text).map_err(wrong)?;
@@ -61,7 +83,8 @@ pub fn from_shot(text: &str, id: i64, session_id: i64, at_ms: i64) -> Result<(Ba
     let row = BallRow {
         id,
         session_id,
-        at_ms,
+        at_ms: told.unix_ms,
+        age_ms: bounce.and_then(|bounce| told.age_ms(bounce.t_ns?)),
         outcome: view.outcome,
         speed_m_s: launch.map(|launch| launch.speed_m_s),
         speed_sigma_m_s: launch.map(|launch| launch.sigma.speed_m_s),
@@ -213,7 +236,13 @@ mod tests {
 
     #[test]
     fn a_ball_is_its_shot_less_its_target() {
-        let (mut ball, shot_idx) = from_shot(SHOT, 9, 2, 77).unwrap();
+        let told = At { unix_ms: 77, stamp_ns: 85_000_002 };
+        let (mut ball, shot_idx) = from_shot(SHOT, 9, 2, told).unwrap();
+        assert_eq!((ball.row.at_ms, ball.row.age_ms), (77, Some(85.0)));
+        for stamp_ns in [1, 20_000_000_000] {
+            let (recorded, _) = from_shot(SHOT, 9, 2, At { stamp_ns, ..told }).unwrap();
+            assert_eq!(recorded.row.age_ms, None, "told before its bounce, or long after");
+        }
         assert_eq!((shot_idx, ball.row.id, ball.row.session_id), (3, 9, 2));
         assert_eq!(ball.row.landing_m, Some([0.5, 21.25]));
         assert_eq!((ball.row.spin_rpm, ball.row.net_height_m), (None, None));
@@ -236,7 +265,8 @@ mod tests {
 
     #[test]
     fn what_is_no_shot_is_refused_with_the_reason() {
-        let error = from_shot(r#"{"outcome":3}"#, 1, 1, 1).unwrap_err().to_string();
+        let told = At { unix_ms: 1, stamp_ns: 1 };
+        let error = from_shot(r#"{"outcome":3}"#, 1, 1, told).unwrap_err().to_string();
         assert!(error.starts_with("not a shot:") && error.contains("string"), "{error}");
         assert!(told_from("{}").unwrap_err().to_string().contains("correction_idx"));
     }

@@ -5,7 +5,7 @@
 //! comes again.
 
 use crate::aiming;
-use crate::ball::{self, Told};
+use crate::ball::{self, At, Told};
 use crate::drill::DrillHandle;
 use crate::heard::{News, Spots};
 use crate::history::{Change, History};
@@ -19,6 +19,7 @@ use fusion::reference::{Commanded, Reference};
 use fusion::world::ball::Physics;
 use fusion::world::rebound::HARD_COURT;
 use shm_layout::launcher::NONE;
+use shm_layout::stamp::now_ns;
 use shm_layout::{Camera, LauncherAnswer, LauncherCommand, Link};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -194,8 +195,8 @@ impl Desk {
     fn update_shot(&self, text: &str) {
         let mut state = self.locked();
         let state = &mut *state;
-        let (id, at_ms) = (state.next_ball_id, now_ms());
-        let (mut ball, shot_idx) = match ball::from_shot(text, id, 0, at_ms) {
+        let (id, told) = (state.next_ball_id, At { unix_ms: now_ms(), stamp_ns: now_ns() });
+        let (mut ball, shot_idx) = match ball::from_shot(text, id, 0, told) {
             Ok(ball) => ball,
             Err(why) => {
                 tracing::warn!(%why, "a text of shots-json is left out");

@@ -1,8 +1,7 @@
 //! A coach's drills <-> files `DIR/drills/NAME.toml`, as fusion reads them.
 //!
 //! What is kept was read back first, so that no file stands there that fusion would refuse. A name
-//! is a file's name and no path. Files that a person wrote count too; `repeat` stays theirs until
-//! the drill is kept anew.
+//! is a file's name and no path. Files that a person wrote count too.
 
 use crate::locked;
 use crate::views::{Drill, Target};
@@ -74,6 +73,7 @@ struct TargetView {
     spin_rpm: Option<f64>,
     net_height_m: Option<f64>,
     apex_m: Option<f64>,
+    repeat: Option<u32>,
     zone_m: Option<f64>,
 }
 
@@ -87,6 +87,7 @@ impl From<TargetView> for Target {
             spin_rpm: view.spin_rpm,
             net_height_m: view.net_height_m,
             apex_m: view.apex_m,
+            repeat: view.repeat,
         }
     }
 }
@@ -260,6 +261,9 @@ fn text_of(drill: &Drill) -> String {
                 let _ = writeln!(text, "{key} = {value:?}"); // a String takes all
             }
         }
+        if let Some(repeat) = target.repeat {
+            let _ = writeln!(text, "repeat = {repeat}"); // as above
+        }
     }
     if drill.targets.is_empty() {
         text.push_str("target = []\n"); // so that it is refused by its number
@@ -296,6 +300,7 @@ mod tests {
             spin_rpm: Some(-600.0),
             net_height_m: None,
             apex_m: None,
+            repeat: Some(3),
         }
     }
 

@@ -1,7 +1,8 @@
 //! Balls of a session -> how it went: by target, ball by ball, the court's pace; and as a table.
 
+use crate::history::Outline;
 use crate::views::{
-    Ball, BallRow, Ellipse, Pace, Session, SessionRow, Target, TargetFigures, TrendPoint, Xy,
+    BallRow, Ellipse, Pace, Session, SessionRow, Target, TargetFigures, TrendPoint, Xy,
 };
 use fusion::session::pace;
 use fusion::session::scatter::{self, Landings};
@@ -14,7 +15,7 @@ const MAX_TREND: usize = 2000;
 /// Targets that are told apart; a drill has at most 200.
 const MAX_TARGETS: usize = 400;
 
-/// A session to take away.
+/// A session to take away; its balls follow, oldest first.
 #[derive(Debug, Serialize)]
 pub struct Export {
     /// What this is.
@@ -22,13 +23,11 @@ pub struct Export {
     /// With its figures.
     #[serde(flatten)]
     pub session: Session,
-    /// All of them, oldest first.
-    pub balls: Vec<Ball>,
 }
 
 /// The figures of balls, oldest first.
 #[must_use]
-pub fn session(row: SessionRow, balls: &[Ball]) -> Session {
+pub fn session(row: SessionRow, balls: &[Outline]) -> Session {
     let mut targets: Vec<&Target> = Vec::new();
     for target in balls.iter().filter_map(|ball| ball.row.target.as_ref()) {
         if targets.len() < MAX_TARGETS && !targets.contains(&target) {
@@ -49,7 +48,7 @@ pub fn session(row: SessionRow, balls: &[Ball]) -> Session {
     }
 }
 
-fn figures_of(target: &Target, balls: &[Ball]) -> TargetFigures {
+fn figures_of(target: &Target, balls: &[Outline]) -> TargetFigures {
     let rows = balls.iter().map(|ball| &ball.row);
     let of_target = rows.filter(|row| row.target.as_ref() == Some(target));
     let places: Vec<Vector2<f64>> =
@@ -79,8 +78,8 @@ fn ellipse_at(landings: &Landings, ellipse: &scatter::Ellipse) -> Ellipse {
     }
 }
 
-fn trend_point(ball: &Ball) -> TrendPoint {
-    let air = ball.correction.as_ref().and_then(|correction| correction.air);
+fn trend_point(ball: &Outline) -> TrendPoint {
+    let air = ball.air;
     TrendPoint {
         shot_id: ball.row.id,
         at_ms: ball.row.at_ms,
@@ -101,8 +100,8 @@ struct BounceView {
     covariance_m2: [Xy; 2],
 }
 
-fn bounce_of(ball: &Ball) -> Option<Bounce> {
-    let view = BounceView::deserialize(ball.shot.get("bounce")?).ok()?;
+fn bounce_of(ball: &Outline) -> Option<Bounce> {
+    let view = BounceView::deserialize(ball.bounce.as_ref()?).ok()?;
     Some(Bounce {
         t_ns: view.t_ns,
         position_m: Point3::from(view.position_m),
@@ -143,7 +142,7 @@ struct Line<'a> {
 
 /// Balls as CSV, a head and a line each; what was not observed is empty.
 #[must_use]
-pub fn csv(balls: &[Ball]) -> String {
+pub fn csv(balls: &[Outline]) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for ball in balls {
         let written = writer.serialize(line_of(&ball.row));
@@ -197,16 +196,17 @@ mod tests {
     use super::*;
     use crate::ball;
 
-    fn balls(landings: &[Xy]) -> Vec<Ball> {
+    fn balls(landings: &[Xy]) -> Vec<Outline> {
         let target = Target::at("=deep".to_owned(), [0.0, 20.0], 0.5);
         let of = |(id, [x, y]): (i64, Xy)| {
             let shot = serde_json::json!({"shot_idx": id, "outcome": "measured", "launch": null,
                 "bounce": {"t_ns": 1, "position_m": [x, y, 0.03], "velocity_in_m_s": [0, 20, -5],
                 "velocity_out_m_s": [0, 14, 4], "covariance_m2": [[1e-6, 0.0], [0.0, 1e-6]]},
                 "net": null});
-            let (mut ball, _) = ball::from_shot(&shot.to_string(), id, 1, id * 1000).unwrap();
+            let told = ball::At { unix_ms: id * 1000, stamp_ns: 0 };
+            let (mut ball, _) = ball::from_shot(&shot.to_string(), id, 1, told).unwrap();
             ball::set_target(&mut ball.row, Some(target.clone()));
-            ball
+            Outline::from(&ball)
         };
         (1..).zip(landings.iter().copied()).map(of).collect()
     }

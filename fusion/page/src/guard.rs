@@ -101,6 +101,17 @@ impl Guard {
     }
 }
 
+/// A token that nobody can guess.
+///
+/// # Errors
+/// When the system has no random bytes.
+pub fn new_token() -> anyhow::Result<String> {
+    let mut bytes = [0; TOKEN_BYTES];
+    let mut random = File::open("/dev/urandom").context("/dev/urandom")?;
+    random.read_exact(&mut bytes).context("/dev/urandom")?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
 /// The token of a file, which is made if it is not there; only its owner may read it.
 ///
 /// # Errors
@@ -110,10 +121,7 @@ pub fn token_of(path: &Path) -> anyhow::Result<String> {
     let mut options = OpenOptions::new();
     match options.write(true).create_new(true).mode(0o600).open(path) {
         Ok(mut file) => {
-            let mut bytes = [0; TOKEN_BYTES];
-            let mut random = File::open("/dev/urandom").context("/dev/urandom")?;
-            random.read_exact(&mut bytes).context("/dev/urandom")?;
-            let token: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+            let token = new_token()?;
             file.write_all(token.as_bytes()).with_context(label)?;
             Ok(token)
         }

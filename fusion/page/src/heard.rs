@@ -180,8 +180,15 @@ pub fn listen(domain: &Domain, out: &Out, stop: &Stop) -> Result<(), Error> {
             out.spots.add(&strip);
         }
         if told_at.elapsed() >= Duration::from_secs(1) {
+            // It is looked at when something comes, a little later than a second.
+            let seconds = told_at.elapsed().as_secs_f64();
             told_at = Instant::now();
-            let counts = std::mem::take(&mut counts);
+            let in_a_second = |n: u64| (n as f64 / seconds).round() as u64;
+            let counts = std::mem::take(&mut counts).map(|of_camera| of_camera.map(in_a_second));
+            // A killed fusion counts as a writer until somebody has removed what it left.
+            if let Err(why) = domain.remove_stale() {
+                tracing::warn!(%why, "what killed processes left stays");
+            }
             out.send(News::Flow { counts, is_fusion_alive: shots.n_writers() > 0 });
         }
         alarm.wait()?;

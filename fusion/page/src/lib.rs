@@ -7,8 +7,9 @@
 //! command and correction of one ball put together), [`history`] (SQLite), [`desk`] (who knows
 //! all of it and tells those who watch), [`figures`] (what came of a session), [`aiming`] (what a
 //! target takes), [`drills`] (their files), [`drill`] (who fires balls), [`setup`] (tools that
-//! are run as processes), [`guard`] (who may ask for what), [`api`] (the routes and their
-//! OpenAPI).
+//! are run as processes), [`labels`] (where a person says the ball is in a clip), [`label_file`]
+//! (kept on disk), [`clips`] (which there are), [`guard`] (who may ask for what), [`api`] (the
+//! routes and their OpenAPI).
 //!
 //! Deliberately absent: measuring and controlling (fusion's), the look of the page (`web/`).
 #![forbid(unsafe_code)]
@@ -16,6 +17,7 @@
 pub mod aiming;
 pub mod api;
 pub mod ball;
+pub mod clips;
 pub mod court;
 pub mod desk;
 pub mod drill;
@@ -24,6 +26,8 @@ pub mod figures;
 pub mod guard;
 pub mod heard;
 pub mod history;
+pub mod label_file;
+pub mod labels;
 mod parts;
 pub mod setup;
 pub mod views;

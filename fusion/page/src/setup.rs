@@ -8,13 +8,14 @@ pub mod jobs;
 pub mod look;
 pub mod tool;
 
+use crate::clips::Clips;
 use crate::locked;
 use jobs::Jobs;
 use look::Seen;
 use shm_layout::Camera;
 use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 /// Lines of words that are kept.
 const MAX_WORDS: usize = 2000;
@@ -41,6 +42,8 @@ pub struct Setup {
     pub place: Place,
     /// What runs and ran.
     pub jobs: Jobs,
+    /// What can be labelled.
+    pub clips: Arc<Clips>,
     seen: Mutex<[Option<Seen>; 2]>,
     words: Mutex<VecDeque<String>>,
 }
@@ -68,7 +71,8 @@ impl Setup {
     /// Nothing was done yet.
     #[must_use]
     pub fn new(place: Place) -> Self {
-        Self { place, ..Self::default() }
+        let clips = Arc::new(Clips::of_folder(place.data.join("recordings")));
+        Self { place, clips, ..Self::default() }
     }
 
     /// The last picture of a camera.

@@ -3,22 +3,22 @@
 
 use anyhow::Context as _;
 use clap::Parser;
+use shm_layout::ports::MessageReader;
 use shm_layout::services::{Domain, Place};
 use shm_layout::stop::Stop;
-use shm_layout::{Camera, N_STRIPS_RANGE, Shot};
+use shm_layout::{Camera, FrameInfo, N_STRIPS_RANGE, Shot};
 use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{ExitCode, Stdio};
 use std::time::{Duration, Instant};
+use tests::camera::Side;
 use tests::chain::Chain;
 use tests::player::Programme;
 use tests::processes::{self, Household, Until, free_endpoint};
 use tests::scenario::{Scenario, ScenarioOptions};
 use tests::truth::Truth;
 
-/// Shots of the scenario; when more are wanted they are played again.
-const N_DIFFERENT_SHOTS: usize = 40;
 /// After the last frame, how long a shot may still be on its way.
 const LAST_SHOT_WITHIN: Duration = Duration::from_secs(3);
 
@@ -29,6 +29,9 @@ struct Flags {
     /// End after this many shots [default: go on until Ctrl-C].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     shots: Option<u32>,
+    /// Shots of the scenario; when more are wanted they are played again.
+    #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    different_shots: u32,
     /// Same seed, same court, same shots, same noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -70,7 +73,7 @@ fn run(flags: &Flags) -> anyhow::Result<()> {
 }
 
 fn show(flags: &Flags, court: &str, house: &mut Household, stop: &Stop) -> anyhow::Result<()> {
-    let n_different = N_DIFFERENT_SHOTS.min(flags.shots.map_or(usize::MAX, |n| n as usize));
+    let n_different = flags.different_shots.min(flags.shots.unwrap_or(u32::MAX)) as usize;
     let options = ScenarioOptions { n_shots: n_different, ..ScenarioOptions::default() };
     let scenario = Scenario::from_seed(flags.seed, &options);
     let truth = Truth::from_scenario(&scenario);
@@ -80,6 +83,7 @@ fn show(flags: &Flags, court: &str, house: &mut Household, stop: &Stop) -> anyho
     std::fs::write(rig.path(), tests::shot_folder::rig_toml(&scenario))?;
     let member = Domain::new(court, Place::Fusion)?.join("demo")?;
     let shots = member.shots()?.reader()?;
+    let mut clock = Clock { infos: member.frames_info()?.reader()?, begun_ns: None };
     let endpoint = start(flags, house, rig.path().as_os_str().to_owned(), n_different)?;
     let data = tempfile::tempdir().context("cannot make a folder for the page")?;
     if let Some(address) = flags.page {
@@ -94,8 +98,9 @@ fn show(flags: &Flags, court: &str, house: &mut Household, stop: &Stop) -> anyho
             _ if stop.is_raised() => break,
             outcome => outcome?,
         }
+        clock.update(&scenario)?;
         while let Some(shot) = shots.receive()? {
-            score.print(&shot, &programme);
+            score.print(&shot, clock.bounced_at_s(&shot), &programme);
         }
         if house.running().iter().all(|(name, _)| *name != "simulate") {
             let over_at: &Instant = over_at.get_or_insert_with(Instant::now);
@@ -125,7 +130,9 @@ fn start(
     }
     let seed = flags.seed.to_string();
     let (n_different, workers) = (n_different.to_string(), flags.workers.to_string());
-    let mut arguments: Vec<&str> = vec!["--live", "--seed", &seed, "--workers", &workers];
+    // Stamps as of cameras: whoever watches may know how old a shot is.
+    let mut arguments: Vec<&str> =
+        vec!["--live", "--machine-clock", "--seed", &seed, "--workers", &workers];
     arguments.extend(["--shots", &n_different]);
     let n_played = flags.shots.map(|n| n.to_string());
     if let Some(n_played) = &n_played {
@@ -168,6 +175,31 @@ fn start_page(
     Ok(())
 }
 
+/// When the scenario began, by this machine's clock: what the truth is compared by.
+struct Clock {
+    infos: MessageReader<FrameInfo>,
+    begun_ns: Option<i64>,
+}
+
+impl Clock {
+    /// Any frame tells: it says its number and when it was exposed. Later ones are only read.
+    fn update(&mut self, scenario: &Scenario) -> anyhow::Result<()> {
+        while let Some(info) = self.infos.receive()? {
+            let side = Camera::from_idx(info.camera_idx).map(|camera| Side::BOTH[camera.idx()]);
+            if let (None, Some(side)) = (self.begun_ns, side) {
+                let own_ns = scenario.stamp_ns(side, info.frame_idx);
+                self.begun_ns = Some(info.exposed_ns - own_ns);
+            }
+        }
+        Ok(())
+    }
+
+    /// In the scenario; no shot comes before its frames.
+    fn bounced_at_s(&self, shot: &Shot) -> f64 {
+        (shot.bounce_ns - self.begun_ns.unwrap_or_default()) as f64 * 1e-9
+    }
+}
+
 /// What was printed so far.
 #[derive(Debug, Default)]
 struct Score {
@@ -176,7 +208,7 @@ struct Score {
 }
 
 impl Score {
-    fn print(&mut self, shot: &Shot, programme: &Programme<'_>) {
+    fn print(&mut self, shot: &Shot, bounced_at_s: f64, programme: &Programme<'_>) {
         let number = shot.shot_idx + 1;
         println!("shot {number}: launch {}", launch_text(shot));
         if shot.is_measured == 0 {
@@ -193,7 +225,7 @@ impl Score {
             sigma_m(1),
             km_h(speed(shot.velocity_in_m_s)),
         );
-        if let Some((dx_m, dy_m, launch_error_m_s)) = errors(shot, programme) {
+        if let Some((dx_m, dy_m, launch_error_m_s)) = errors(shot, bounced_at_s, programme) {
             println!(
                 "        error  x {:+.1} cm, y {:+.1} cm; launch speed {:+.2} km/h",
                 dx_m * 100.0,
@@ -240,8 +272,7 @@ fn rpm(spin_rad_s: f64) -> f64 {
 }
 
 /// Bounce (x, y) and launch speed, measured minus true, of the ball that bounced at that time.
-fn errors(shot: &Shot, programme: &Programme<'_>) -> Option<(f64, f64, f64)> {
-    let bounced_at_s = shot.bounce_ns as f64 * 1e-9;
+fn errors(shot: &Shot, bounced_at_s: f64, programme: &Programme<'_>) -> Option<(f64, f64, f64)> {
     (0..).map(|idx| programme.flight(idx)).find_map(|(flight, later_s)| {
         if flight.launch.launched_at_s + later_s > bounced_at_s {
             return Some(None); // served later than it bounced: there is none

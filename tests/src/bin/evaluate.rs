@@ -3,12 +3,12 @@
 use anyhow::{Context as _, ensure};
 use capture::recording::Recording;
 use clap::Parser;
+use page::labels::{self, Labels};
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use tests::evaluation::{self, Evaluation, Score};
-use tests::labels::{self, Labels};
 use tests::overlay::{Overlay, Still};
 use workers::Settings;
 use workers::method::{self, Method};

@@ -1,9 +1,11 @@
 //! `label`: a page on which a person says where the ball is, frame by frame; ground truth for
-//! `evaluate`.
+//! `evaluate`. It is the labelling of the coach's page, for one clip that lies anywhere.
 
 use anyhow::Context as _;
-use capture::recording::Recording;
 use clap::Parser;
+use page::api::labels::{self, Bench};
+use page::clips::{Clip, Clips};
+use page::guard::{Guard, new_token};
 use std::future::poll_fn;
 use std::io::Write as _;
 use std::net::Ipv4Addr;
@@ -11,8 +13,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::task::Poll;
-use tests::label_file::{Extent, LabelFile};
-use tests::labelling::{self, Desk};
 use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -40,28 +40,28 @@ fn main() -> ExitCode {
 }
 
 fn run(flags: &Flags) -> anyhow::Result<()> {
-    let recording = Recording::open(&flags.video)?;
-    let extent = Extent { n_frames: recording.n_frames(), size_px: recording.size_px() };
-    let file = LabelFile::open(&flags.labels, extent)?;
-    let clip_name = flags.video.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let desk = Arc::new(Desk::new(clip_name, recording, file));
+    let clip = Clip::open(&flags.video, &flags.labels)?;
+    clip.check_writable()?;
+    let clips = Arc::new(Clips::only(clip));
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .context("cannot start the server")?;
     // When the runtime is dropped a save that has begun is finished.
-    runtime.block_on(serve(desk, flags.port))
+    runtime.block_on(serve(clips, flags.port))
 }
 
-async fn serve(desk: Arc<Desk>, port: u16) -> anyhow::Result<()> {
+async fn serve(clips: Arc<Clips>, port: u16) -> anyhow::Result<()> {
     let stopped = stopped().context("cannot listen to signals")?;
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
         .await
         .with_context(|| format!("--port {port}: 127.0.0.1:{port}"))?;
     let address = listener.local_addr().context("the server's address")?;
-    let router = labelling::router(desk, address.port());
+    let guard = Arc::new(Guard::new(address, &[], new_token()?));
+    let token = guard.token().to_owned();
+    let router = labels::router(Bench { clips, guard });
     tokio::spawn(async move { axum::serve(listener, router).await });
-    writeln!(std::io::stdout(), "http://{address}/").context("stdout")?;
+    writeln!(std::io::stdout(), "http://{address}/label/#token={token}").context("stdout")?;
     eprintln!("open it in a browser of this computer; every change is saved; Ctrl-C ends");
     stopped.await;
     Ok(())

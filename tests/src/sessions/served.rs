@@ -142,7 +142,12 @@ impl Served {
 
     fn wait_for_room(&mut self, max_ahead: u64) -> Result<(), Error> {
         while self.n_ahead() > max_ahead {
-            self.now = self.next_taken()?;
+            let next = self.next_taken()?;
+            if next.n_infos < self.now.n_infos || next.n_strips < self.now.n_strips {
+                // Another fusion counts, from its own beginning: what was sent before is lost.
+                (self.before, self.written) = (next, Taken::default());
+            }
+            self.now = next;
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 mod balls;
 mod drill;
 mod files;
+pub mod labels;
 mod live;
 mod sessions;
 mod setup;
@@ -124,9 +125,14 @@ impl Hall {
         work: impl FnOnce(&Desk) -> Answer<T> + Send + 'static,
     ) -> Answer<T> {
         let desk = Arc::clone(&self.desk);
-        let done = tokio::task::spawn_blocking(move || work(&desk)).await;
-        done.unwrap_or_else(|why| Err(Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, why)))
+        aside(move || work(&desk)).await
     }
+}
+
+/// As [`Hall::aside`]. What has begun is finished even when the process is asked to end.
+async fn aside<T: Send + 'static>(work: impl FnOnce() -> Answer<T> + Send + 'static) -> Answer<T> {
+    let done = tokio::task::spawn_blocking(work).await;
+    done.unwrap_or_else(|why| Err(Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, why)))
 }
 
 /// Most things that are listed at once.
@@ -152,6 +158,9 @@ struct Document;
 
 /// All routes of a court.
 pub fn router(hall: Hall) -> Router {
+    let guard = Arc::clone(&hall.guard);
+    let clips = Arc::clone(&hall.desk.setup.clips);
+    let bench = labels::Bench { clips, guard: Arc::clone(&guard) };
     let (router, mut document) = OpenApiRouter::with_openapi(Document::openapi())
         .nest(
             "/api/v1",
@@ -162,6 +171,7 @@ pub fn router(hall: Hall) -> Router {
                 .merge(sessions::routes())
                 .merge(drill::routes())
                 .merge(setup::routes())
+                .merge(labels::routes().with_state(bench))
                 .merge(live::routes()),
         )
         .split_for_parts();
@@ -172,18 +182,25 @@ pub fn router(hall: Hall) -> Router {
         .security_schemes
         .insert("token".to_owned(), token.into());
     let document = Arc::new(document);
-    router
+    let router = router
+        .with_state(hall)
+        .merge(labels::tool())
         .route(
             "/api/v1/openapi.json",
             axum::routing::get(move || async move { Json((*document).clone()) }),
         )
         .route("/api/{*rest}", axum::routing::any(nothing_here))
         .fallback(files::page)
-        .method_not_allowed_fallback(wrong_method)
+        .method_not_allowed_fallback(wrong_method);
+    walled(router, guard)
+}
+
+/// The same walls around everything: size, time, who is heard.
+fn walled(router: Router, guard: Arc<Guard>) -> Router {
+    router
         .layer(DefaultBodyLimit::max(MAX_BODY_BYTES))
         .layer(TimeoutLayer::with_status_code(StatusCode::REQUEST_TIMEOUT, ANSWERED_WITHIN))
-        .layer(middleware::from_fn_with_state(hall.clone(), guarded))
-        .with_state(hall)
+        .layer(middleware::from_fn_with_state(guard, guarded))
 }
 
 async fn nothing_here() -> Refusal {
@@ -196,8 +213,8 @@ async fn wrong_method() -> Refusal {
 }
 
 /// Refuses strangers, and says how every answer is to be treated.
-async fn guarded(State(hall): State<Hall>, request: Request, next: Next) -> Response {
-    let mut response = match hall.guard.check_sender(request.headers()) {
+async fn guarded(State(guard): State<Arc<Guard>>, request: Request, next: Next) -> Response {
+    let mut response = match guard.check_sender(request.headers()) {
         Ok(()) => next.run(request).await,
         Err(why) => Refusal::from(why).into_response(),
     };

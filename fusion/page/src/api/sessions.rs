@@ -3,19 +3,29 @@
 use super::{Answer, Hall, Refusal};
 use crate::desk::Desk;
 use crate::figures;
-use crate::views::{Ball, Problem, Session, SessionRow, Sessions};
+use crate::history::Outline;
+use crate::views::{Problem, Session, SessionRow, Sessions};
 use axum::Json;
+use axum::body::Body;
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::IntoResponse;
 use axum_extra::extract::WithRejection;
 use serde::Deserialize;
+use std::fs::File;
+use std::io::{BufWriter, Seek as _, Write as _};
+use tokio::sync::Semaphore;
+use tokio_util::io::ReaderStream;
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// Most balls of a session that are exported or counted for figures: a day of one every 3 s.
 const MAX_BALLS: usize = 28_800;
+/// Balls that are read at a time for an export.
+const AT_A_TIME: usize = 100;
+/// Who watches may export too: so many at a time, and the others wait.
+static EXPORTING: Semaphore = Semaphore::const_new(1);
 /// Characters of a session's name.
 const MAX_NAME: usize = 60;
 
@@ -80,12 +90,40 @@ async fn begin(
     Ok(Json(hall.desk.begin_session(Some(name))))
 }
 
-fn whole(desk: &Desk, id: i64) -> Answer<(SessionRow, Vec<Ball>)> {
+fn outlined(desk: &Desk, id: i64) -> Answer<(SessionRow, Vec<Outline>)> {
     let row = desk.history.session(id)?;
     let row = row.ok_or_else(|| Refusal::nothing(format!("there is no session {id}")))?;
-    let mut balls = desk.history.whole_balls(id, MAX_BALLS)?;
-    balls.reverse();
-    Ok((row, balls))
+    Ok((row, desk.history.outlines(id, MAX_BALLS)?))
+}
+
+/// A session with its figures and balls, in a file that is gone when it is closed: a day's is too
+/// much for memory.
+fn exported(desk: &Desk, id: i64) -> Answer<File> {
+    let (row, outlines) = outlined(desk, id)?;
+    let mut next_id = outlines.first().map(|outline| outline.row.id);
+    let export =
+        figures::Export { schema: "tennis-session/1", session: figures::session(row, &outlines) };
+    drop(outlines);
+    let wrong = |why: std::io::Error| Refusal::new(StatusCode::SERVICE_UNAVAILABLE, why);
+    let mut file = BufWriter::new(tempfile::tempfile_in(desk.history.folder()).map_err(wrong)?);
+    let head = serde_json::to_string(&export).map_err(|why| wrong(why.into()))?;
+    // Another member of the same object.
+    let head = head.strip_suffix('}').unwrap_or(&head);
+    write!(file, "{head},\"balls\":[").map_err(wrong)?;
+    let mut before = "";
+    while let Some(from_id) = next_id {
+        // In parts, so that others read in between.
+        let part = desk.history.texts(id, from_id, AT_A_TIME)?;
+        for (_, text) in &part {
+            write!(file, "{before}{text}").map_err(wrong)?;
+            before = ",";
+        }
+        next_id = part.last().filter(|_| part.len() == AT_A_TIME).map(|(id, _)| id + 1);
+    }
+    write!(file, "]}}").map_err(wrong)?;
+    let mut file = file.into_inner().map_err(|why| wrong(why.into_error()))?;
+    file.rewind().map_err(wrong)?;
+    Ok(file)
 }
 
 /// One session with its figures.
@@ -96,7 +134,8 @@ async fn session(
     State(hall): State<Hall>,
     WithRejection(Path(id), _): WithRejection<Path<i64>, Refusal>,
 ) -> Answer<Json<Session>> {
-    let of = move |desk: &Desk| whole(desk, id).map(|(row, balls)| figures::session(row, &balls));
+    let of =
+        move |desk: &Desk| outlined(desk, id).map(|(row, balls)| figures::session(row, &balls));
     Ok(Json(hall.aside(of).await?))
 }
 
@@ -108,7 +147,7 @@ async fn csv(
     State(hall): State<Hall>,
     WithRejection(Path(id), _): WithRejection<Path<i64>, Refusal>,
 ) -> Answer<impl IntoResponse> {
-    let text = hall.aside(move |desk| Ok(figures::csv(&whole(desk, id)?.1))).await?;
+    let text = hall.aside(move |desk| Ok(figures::csv(&outlined(desk, id)?.1))).await?;
     let disposition = format!("attachment; filename=\"session-{id}.csv\"");
     let kind = "text/csv; charset=utf-8".to_owned();
     Ok(([(header::CONTENT_TYPE, kind), (header::CONTENT_DISPOSITION, disposition)], text))
@@ -117,17 +156,17 @@ async fn csv(
 /// A session with its figures and all its balls.
 #[utoipa::path(get, path = "/sessions/{id}/session.json", params(("id" = i64, Path)), responses(
     (status = 200, body = Session, description = "the session, and `balls` with all its balls"),
-    (status = 400, body = Problem), (status = 404, body = Problem)))]
+    (status = 400, body = Problem), (status = 404, body = Problem),
+    (status = 503, body = Problem)))]
 async fn json(
     State(hall): State<Hall>,
     WithRejection(Path(id), _): WithRejection<Path<i64>, Refusal>,
 ) -> Answer<impl IntoResponse> {
-    let of = move |desk: &Desk| {
-        let (row, balls) = whole(desk, id)?;
-        let session = figures::session(row, &balls);
-        Ok(Json(figures::Export { schema: "tennis-session/1", session, balls }))
-    };
-    let export = hall.aside(of).await?;
+    let turn = EXPORTING.acquire().await;
+    let file = hall.aside(move |desk| exported(desk, id)).await;
+    drop(turn);
+    let body = Body::from_stream(ReaderStream::new(tokio::fs::File::from_std(file?)));
     let disposition = format!("attachment; filename=\"session-{id}.json\"");
-    Ok(([(header::CONTENT_DISPOSITION, disposition)], export))
+    let kind = "application/json".to_owned();
+    Ok(([(header::CONTENT_TYPE, kind), (header::CONTENT_DISPOSITION, disposition)], body))
 }

@@ -171,12 +171,19 @@ fn the_document_tells_of_every_route() {
     let (status, document) = court().get("/api/v1/openapi.json");
     assert_eq!(status, 200);
     let paths = document["paths"].as_object().unwrap();
-    for path in ["/api/v1/status", "/api/v1/balls/{id}", "/api/v1/sessions/{id}/balls.csv"] {
+    for path in [
+        "/api/v1/status",
+        "/api/v1/balls/{id}",
+        "/api/v1/sessions/{id}/balls.csv",
+        "/api/v1/clips/{clip}/labels/{frame}",
+    ] {
         assert!(paths.contains_key(path), "{path} of {:?}", paths.keys());
     }
     assert!(document["components"]["schemas"]["BallRow"]["properties"]["miss_m"].is_object());
     let secured = &document["paths"]["/api/v1/sessions"]["post"]["security"];
     assert!(secured[0]["token"].is_array(), "{secured}");
+    let labelled = &document["paths"]["/api/v1/clips/{clip}/labels/{frame}"]["put"]["security"];
+    assert!(labelled[0]["token"].is_array(), "{labelled}");
 }
 
 #[test]

@@ -6,7 +6,7 @@
 
 mod read;
 
-pub use read::Filter;
+pub use read::{Filter, Outline};
 
 use crate::locked;
 use crate::views::{Ball, HistoryState};
@@ -24,7 +24,7 @@ const MAX_WAITING: usize = 1024;
 const BUSY_FOR: Duration = Duration::from_secs(2);
 
 /// The steps from an empty file to the newest form, in their order; each is applied once.
-const STEPS: &[M<'static>] = &[M::up(include_str!("1.sql"))];
+const STEPS: &[M<'static>] = &[M::up(include_str!("1.sql")), M::up(include_str!("2.sql"))];
 
 /// Why the history cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -185,5 +185,7 @@ fn written(connection: &Connection, change: &Change) -> Result<(), Box<dyn std::
     Ok(())
 }
 
+#[cfg(test)]
+mod many;
 #[cfg(test)]
 mod tests;

@@ -2,9 +2,30 @@
 
 use super::{Error, History};
 use crate::locked;
-use crate::views::{Ball, BallRow, SessionRow};
+use crate::views::{Air, Ball, BallRow, SessionRow};
 use rusqlite::types::Value as Sql;
 use rusqlite::{OptionalExtension as _, Row, params_from_iter};
+use serde_json::Value;
+use std::path::Path;
+
+/// What a session's figures need of a ball.
+#[derive(Debug, Clone)]
+pub struct Outline {
+    /// What lists show.
+    pub row: BallRow,
+    /// Its bounce, of shots/1.
+    pub bounce: Option<Value>,
+    /// What was believed of the air after it.
+    pub air: Option<Air>,
+}
+
+impl From<&Ball> for Outline {
+    fn from(ball: &Ball) -> Self {
+        let bounce = ball.shot.get("bounce").filter(|bounce| !bounce.is_null()).cloned();
+        let air = ball.correction.as_ref().and_then(|correction| correction.air);
+        Self { row: ball.row.clone(), bounce, air }
+    }
+}
 
 /// Which balls.
 #[derive(Debug, Clone, Default)]
@@ -51,7 +72,13 @@ impl Filter {
     }
 }
 
-const SESSION: &str = "SELECT id, name, started_ms, ended_ms, \
+pub(super) const OUTLINES: &str = "SELECT row, bounce, air FROM outline WHERE session_id = ? \
+    ORDER BY ball_id DESC LIMIT ?";
+
+pub(super) const TEXTS: &str = "SELECT id, row, shot, correction FROM ball \
+    WHERE session_id = ? AND id >= ? ORDER BY id LIMIT ?";
+
+pub(super) const SESSION: &str = "SELECT id, name, started_ms, ended_ms, \
     (SELECT count(*) FROM ball WHERE session_id = session.id), \
     (SELECT count(*) FROM ball WHERE session_id = session.id AND is_measured = 1) FROM session";
 
@@ -119,32 +146,66 @@ impl History {
         }))
     }
 
-    /// What fusion said after each of the newest `limit` balls of a session, newest first, and the
-    /// shots themselves.
+    /// The newest `limit` balls of a session, oldest first: what its figures need of them.
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn whole_balls(&self, session_id: i64, limit: usize) -> Result<Vec<Ball>, Error> {
+    pub fn outlines(&self, session_id: i64, limit: usize) -> Result<Vec<Outline>, Error> {
         let connection = locked(&self.reader);
-        let sql = "SELECT row, shot, correction FROM ball WHERE session_id = ? \
-                   ORDER BY id DESC LIMIT ?";
-        let mut statement = connection.prepare_cached(sql).map_err(self.wrong())?;
+        let mut statement = connection.prepare_cached(OUTLINES).map_err(self.wrong())?;
         let rows = statement
             .query_map([session_id, limit as i64], |row| {
                 Ok((row.get(0)?, row.get(1)?, row.get(2)?))
             })
             .map_err(self.wrong())?;
-        rows.map(|texts| {
-            let (row, shot, correction): (String, String, Option<String>) =
+        let mut outlines = Vec::new();
+        for texts in rows {
+            let (row, bounce, air): (String, Option<String>, Option<String>) =
                 texts.map_err(self.wrong())?;
-            Ok(Ball {
+            outlines.push(Outline {
                 row: serde_json::from_str(&row)?,
-                shot: serde_json::from_str(&shot)?,
-                reference_m: None,
-                correction: correction.map(|text| serde_json::from_str(&text)).transpose()?,
+                bounce: bounce.map(|text| serde_json::from_str(&text)).transpose()?,
+                air: air.map(|text| serde_json::from_str(&text)).transpose()?,
+            });
+        }
+        outlines.reverse();
+        Ok(outlines)
+    }
+
+    /// Whole balls of a session from this one on, at most `limit`, oldest first: each with its
+    /// number and as JSON. What was written as JSON is put together as text: parsed, a day's
+    /// session would not fit into memory.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn texts(
+        &self,
+        session_id: i64,
+        from_id: i64,
+        limit: usize,
+    ) -> Result<Vec<(i64, String)>, Error> {
+        let connection = locked(&self.reader);
+        let mut statement = connection.prepare_cached(TEXTS).map_err(self.wrong())?;
+        let rows = statement
+            .query_map([session_id, from_id, limit as i64], |row| {
+                let (id, own, shot): (i64, String, String) =
+                    (row.get(0)?, row.get(1)?, row.get(2)?);
+                let correction: Option<String> = row.get(3)?;
+                let own = own.strip_suffix('}').unwrap_or(&own);
+                let correction = correction.as_deref().unwrap_or("null");
+                let rest =
+                    format!(r#""shot":{shot},"reference_m":null,"correction":{correction}}}"#);
+                Ok((id, format!("{own},{rest}")))
             })
-        })
-        .collect()
+            .map_err(self.wrong())?;
+        rows.map(|row| row.map_err(self.wrong())).collect()
+    }
+
+    /// Where it is kept.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        folder.unwrap_or(Path::new("."))
     }
 
     /// At most `limit` sessions older than `before`, newest first.

@@ -1,12 +1,12 @@
 use super::*;
 use crate::views::Target;
 
-fn ball(id: i64, session_id: i64, target: Option<&str>) -> Ball {
+pub(super) fn ball(id: i64, session_id: i64, target: Option<&str>) -> Ball {
     let shot = serde_json::json!({"shot_idx": id, "outcome": "measured", "launch": null,
         "bounce": {"position_m": [0.5, 20.0, 0.03], "covariance_m2": [[1e-6, 0.0], [0.0, 1e-6]]},
         "net": null});
-    let (mut ball, _) =
-        crate::ball::from_shot(&shot.to_string(), id, session_id, 1000 * id).unwrap();
+    let told = crate::ball::At { unix_ms: 1000 * id, stamp_ns: 0 };
+    let (mut ball, _) = crate::ball::from_shot(&shot.to_string(), id, session_id, told).unwrap();
     let target = target.map(|name| Target::at(name.to_owned(), [0.0, 20.0], 1.0));
     crate::ball::set_target(&mut ball.row, target);
     ball
@@ -90,6 +90,25 @@ fn every_query_goes_by_an_index() {
         // Without a condition the newest are read from the end of the table itself.
         assert_eq!(steps.iter().any(|step| step == "SCAN ball"), sql.contains("WHERE 1 "));
     }
+}
+
+/// What an older version has kept is there with its figures.
+#[test]
+fn balls_of_the_first_form_have_their_figures_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("history.sqlite");
+    let mut connection = Connection::open(&path).unwrap();
+    Migrations::from_slice(&STEPS[..1]).to_latest(&mut connection).unwrap();
+    written(&connection, &begin(1)).unwrap();
+    for id in 1..=3 {
+        written(&connection, &Change::Ball(Box::new(ball(id, 1, None)))).unwrap();
+    }
+    drop(connection);
+    let history = History::open(&path).unwrap();
+    let outlines = history.outlines(1, 2).unwrap();
+    assert_eq!(outlines.iter().map(|outline| outline.row.id).collect::<Vec<_>>(), [2, 3]);
+    let bounce = outlines[1].bounce.as_ref().unwrap();
+    assert_eq!(bounce["position_m"][1], 20.0);
 }
 
 #[test]

@@ -1,8 +1,10 @@
 //! What goes over the wire: SI units with suffixes; what was not observed is null.
 
+mod labels;
 mod setup;
 mod status;
 
+pub use labels::*;
 pub use setup::*;
 pub use status::*;
 
@@ -50,7 +52,7 @@ pub struct Net {
     pub height_center_m: f64,
 }
 
-/// Something to aim at; at most two of the last four are given.
+/// Something to aim at; at most two of speed, spin, height over the net and apex.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
@@ -68,6 +70,9 @@ pub struct Target {
     pub net_height_m: Option<f64>,
     /// Of the ball's centre where it is highest.
     pub apex_m: Option<f64>,
+    /// Balls in a row, 1 to 1000; left out it is 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeat: Option<u32>,
 }
 
 impl Target {
@@ -82,6 +87,7 @@ impl Target {
             spin_rpm: None,
             net_height_m: None,
             apex_m: None,
+            repeat: None,
         }
     }
 }
@@ -95,6 +101,9 @@ pub struct BallRow {
     pub session_id: i64,
     /// When it was told, Unix time.
     pub at_ms: i64,
+    /// How long after its bounce it was told; null when the stamps are of a recording.
+    #[serde(default)]
+    pub age_ms: Option<f64>,
     /// As in shots/1: "measured", "no bounce seen" ...
     pub outcome: String,
     /// At the launcher.

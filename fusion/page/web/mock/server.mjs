@@ -323,6 +323,8 @@ const WAYS = [
   ["POST", /^\/setup\/recordings$/, true, () => work("recording", "clip.mcap: 3.1 MB, nothing lost")],
   ["GET", /^\/setup\/recordings$/, false, () => ({ recordings: [
     { name: "2026-11-22-16-04.mcap", bytes: 3_141_592, at_ms: START_MS - 5e7 }] })],
+  ["GET", /^\/clips$/, false, () => ({ clips: [
+    { name: "serve.y4m", bytes: 27_648_512, at_ms: START_MS - 6e7, is_labelled: true }] })],
   ["POST", /^\/setup\/pair$/, true, (_, { camera }) => ({ file: `rose-${camera}.pair` })],
   ["GET", /^\/setup\/pair\/(.+)$/, true, ([name]) => `keys of ${name}\n`],
   ["GET", /^\/logs\.txt$/, true, () => said.join("\n")],

@@ -57,12 +57,16 @@ export interface Target {
   spin_rpm: number | null;
   net_height_m: number | null;
   apex_m: number | null;
+  /** Balls in a row; null is one. */
+  repeat?: number | null;
 }
 
 export interface ShotRow {
   id: number;
   session_id: number;
   at_ms: number;
+  /** How long after its bounce it was told; null when it was recorded. */
+  age_ms?: number | null;
   outcome: string;
   speed_m_s: number | null;
   speed_sigma_m_s: number | null;
@@ -240,6 +244,14 @@ export interface Recording {
   name: string;
   bytes: number;
   at_ms: number;
+}
+
+/** A clip that a person can say of where the ball is. */
+export interface Clip {
+  name: string;
+  bytes: number;
+  at_ms: number;
+  is_labelled: boolean;
 }
 
 export interface Problem {

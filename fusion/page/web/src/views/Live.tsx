@@ -59,7 +59,10 @@ function Facts(props: { row: ShotRow }) {
       <div class="landing" data-ball={row.id}>
         <p class="over">
           {row.target ? t("live.for", { name: row.target.name }) : t("live.ball")}
-          <span class="when">{timeText(row.at_ms)}</span>
+          <span class="when">
+            {timeText(row.at_ms)}
+            {row.age_ms != null && ` · ${t("live.after", { ms: row.age_ms.toFixed(0) })}`}
+          </span>
           {chosen.value !== null && chosen.value.id !== newest.value?.id && (
             <button type="button" class="quiet" onClick={() => (chosen.value = null)}>
               {t("live.backToLast")}

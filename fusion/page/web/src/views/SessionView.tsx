@@ -10,7 +10,10 @@ import { Trend, TrendKey, type Series } from "../plots/Trend";
 import { centimetres } from "../pure/units";
 import { court, newest, status } from "../store";
 import { dayText, t } from "../words";
-import { hasMoreSessions, load, loadMoreSessions, loadSessions, sessions, type Loaded } from "./loaded";
+import {
+  MAX_POINTS, hasMoreSessions, load, loadMoreSessions, loadSessions, sessions, type Loaded,
+} from "./loaded";
+import { Mcap } from "./Mcap";
 import { Table } from "./Table";
 
 const chosen = signal<number | null>(null);
@@ -103,9 +106,7 @@ function Choice(props: { id: number | null }) {
           <a class="button" href={address(`/sessions/${id}/session.json`)} download>
             JSON
           </a>
-          <a class="button" href="#/setup" aria-label={t("session.mcap")}>
-            MCAP
-          </a>
+          <Mcap id={id} />
         </>
       )}
       <Doing do={begin}>{t("session.begin")}</Doing>
@@ -174,7 +175,9 @@ function LandingMap(props: { here: Loaded; beside: Loaded | null }) {
   const { here, beside } = props;
   const { targets } = here.session;
   const points = here.balls.filter((row) => row.landing_m !== null);
+  const most = Math.max(here.session.n_balls, beside?.session.n_balls ?? 0);
   const legend = (
+    <>
     <ul class="legend">
       {targets.map((one, i) => (
         <li key={one.target.name}>
@@ -192,6 +195,10 @@ function LandingMap(props: { here: Loaded; beside: Loaded | null }) {
         </li>
       )}
     </ul>
+    {most > MAX_POINTS && (
+      <p class="quiet-text">{t("session.newest", { n: `${MAX_POINTS}`, all: `${most}` })}</p>
+    )}
+    </>
   );
   return (
     <Figure title={t("session.map")} file={`landings-${here.session.id}`} legend={legend}>

@@ -7,6 +7,7 @@ import { sizeText } from "../pure/units";
 import { job, status, watch } from "../store";
 import { dayText, named, t } from "../words";
 import { CAMERAS, Cameras } from "./Cameras";
+import { GroundTruth } from "./GroundTruth";
 import { State, Wizard, isCalibration } from "./Wizard";
 
 export function SetupView() {
@@ -20,6 +21,7 @@ export function SetupView() {
         <Pairing />
         <Recordings />
       </div>
+      <GroundTruth />
       <Files />
     </div>
   );
@@ -159,7 +161,6 @@ function Files() {
         <Doing do={logs}>{t("files.logs")}</Doing>
         <a class="button" href={address("/openapi.json")}>{t("files.api")}</a>
       </div>
-      <p class="quiet-text">{t("files.labelAbout")}</p>
     </section>
   );
 }

@@ -106,6 +106,9 @@ export function TargetForm() {
           value={now.net_height_m} onValue={(value) => set({ net_height_m: value })} />
         <NumberField label={t("drill.apex")} unit="m" optional digits={2} step={0.1} min={0}
           value={now.apex_m} onValue={(value) => set({ apex_m: value })} />
+        <NumberField label={t("drill.repeat")} unit="" digits={0} step={1} min={1} max={1000}
+          value={now.repeat ?? 1}
+          onValue={(value) => value !== null && set({ repeat: Math.round(value) })} />
         <button type="button" class="end" disabled={!many} onClick={() => removeTarget(idx)}>
           {t("drill.removeTarget")}
         </button>

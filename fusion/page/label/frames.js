@@ -2,19 +2,30 @@
 // be seen.
 
 import { desk, pixelFrom, stageSize } from "./desk.js";
+import { t } from "./words.js";
 
 const MAX_BYTES = 256e6; // of frames kept here
 const DIFFERENCE_GAIN = 4;
 const kept = new Map(); // by frame: a promise of its grey levels
 
-/// An answer of the program; an error says in a sentence why there is none.
-export async function ask(path, options) {
-  const answer = await fetch(path, options).catch(() => {
-    throw new Error("the label program does not answer; is it still running?");
+const ROOT = "../api/v1";
+
+/// An answer of the server; an error says in a sentence why there is none, and its status.
+export async function ask(path, options = {}) {
+  const headers = { ...options.headers };
+  if (desk.token) headers.Authorization = `Bearer ${desk.token}`;
+  if (options.body) headers["Content-Type"] = "application/json";
+  const answer = await fetch(`${ROOT}/${path}`, { ...options, headers }).catch(() => {
+    throw new Error(t("the server does not answer; is it still running?"));
   });
-  if (!answer.ok) throw new Error((await answer.text()) || `${path}: status ${answer.status}`);
-  return answer;
+  if (answer.ok) return answer;
+  const problem = await answer.json().catch(() => ({}));
+  const error = new Error(problem.error ?? `${path}: ${answer.status}`);
+  throw Object.assign(error, { status: answer.status });
 }
+
+/// The address of something of the clip.
+export const ofClip = (path) => `clips/${encodeURIComponent(desk.clip.name)}/${path}`;
 
 export function luma(idx) {
   const frame = kept.get(idx) ?? fetched(idx);
@@ -34,7 +45,7 @@ export function foresee(indices) {
 
 async function fetched(idx) {
   try {
-    const answer = await ask(`frames/${idx}.png`);
+    const answer = await ask(ofClip(`frames/${idx}`));
     const bitmap = await createImageBitmap(await answer.blob(), { colorSpaceConversion: "none" });
     const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
     const context = canvas.getContext("2d", { willReadFrequently: true });

@@ -146,7 +146,17 @@ impl LabelFile {
     ///
     /// # Errors
     /// When the file cannot be read or replaced, or is not one of labels of this clip.
-    pub fn open(unresolved: &Path, extent: Extent) -> Result<Self, Error> {
+    pub fn open(path: &Path, extent: Extent) -> Result<Self, Error> {
+        let file = Self::read(path, extent)?;
+        file.check_writable()?;
+        Ok(file)
+    }
+
+    /// Reads what is there, nothing if there is no file; leaves nothing behind.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or is not one of labels of this clip.
+    pub fn read(unresolved: &Path, extent: Extent) -> Result<Self, Error> {
         // A link stays one: what it points to is replaced.
         let path = unresolved.canonicalize().or_else(|_| std::path::absolute(unresolved));
         let path = path.unwrap_or_else(|_| unresolved.to_owned());
@@ -156,9 +166,7 @@ impl LabelFile {
             None => Labels::new(),
             Some(bytes) => labels_from(bytes, &path, extent)?,
         };
-        let file = Self { path, extent, labels, on_disk };
-        file.check_writable().map_err(|why| Error::Unwritable { path: file.path.clone(), why })?;
-        Ok(file)
+        Ok(Self { path, extent, labels, on_disk })
     }
 
     /// The clip these are labels of.
@@ -223,12 +231,25 @@ impl LabelFile {
         Ok(bytes)
     }
 
-    fn check_writable(&self) -> io::Result<()> {
-        if self.on_disk.is_some() {
-            // It would be renamed over all the same, but whoever protected it meant something.
-            OpenOptions::new().write(true).open(&self.path)?;
-        }
-        self.file_beside()?.close()
+    /// Makes sure that the file can be replaced.
+    ///
+    /// # Errors
+    /// When it cannot.
+    pub fn check_writable(&self) -> Result<(), Error> {
+        let try_it = || {
+            if self.on_disk.is_some() {
+                // It would be renamed over all the same, but whoever protected it meant something.
+                OpenOptions::new().write(true).open(&self.path)?;
+            }
+            self.file_beside()?.close()
+        };
+        try_it().map_err(|why| Error::Unwritable { path: self.path.clone(), why })
+    }
+
+    /// Whether somebody else has written the file since.
+    #[must_use]
+    pub fn is_stale(&self) -> bool {
+        !bytes_of(&self.path).is_ok_and(|bytes| bytes == self.on_disk)
     }
 
     /// A file in the same folder, hence on the same disk, that is gone unless it is kept.

@@ -3,8 +3,9 @@
 
 import { $, clamp, desk, fit, isInPicture, isOn, moveTo, moveToMiddle, pixelFrom, stageSize,
   stateOf, zoom } from "./desk.js";
-import { ask, foresee, luma, paint } from "./frames.js";
+import { ask, foresee, luma, ofClip, paint } from "./frames.js";
 import { draw, showSaved, showTrouble } from "./drawing.js";
+import { t, translate } from "./words.js";
 
 const MAX_UNDO = 500;
 const MAX_LAG = 60;
@@ -38,7 +39,8 @@ async function show() {
     draw();
     foresee([idx + 1, idx - 1, idx + 2, idx + 3]);
   } catch (error) {
-    if (idx === desk.at) showTrouble(`Frame ${idx} cannot be shown: ${error.message}`);
+    if (idx === desk.at) showTrouble(t("Frame {idx} cannot be shown: {why}",
+      { idx, why: error.message }));
   }
 }
 
@@ -77,7 +79,7 @@ function change(idx, label, isUndo = false) {
     if (undoable.length > MAX_UNDO) undoable.shift();
     assign(labels, idx, label);
     nWaiting++;
-    showSaved("saving", "saving …");
+    showSaved("saving", t("saving …"));
     queue = queue.then(() => send(idx, label));
   }
   draw();
@@ -91,16 +93,20 @@ function assign(map, idx, label) {
 async function send(idx, label) {
   const remove = { method: "DELETE" };
   try {
-    await ask(`labels/${idx}`, label ? { method: "PUT", body: JSON.stringify(label) } : remove);
+    const options = label ? { method: "PUT", body: JSON.stringify(label) } : remove;
+    await trusted(() => ask(ofClip(`labels/${idx}`), options));
     assign(stored, idx, label);
     failed.delete(idx);
   } catch (error) {
     failed.add(idx);
-    showTrouble(`Frame ${idx} was not saved and is as before: ${error.message}`);
+    const why = error.message;
+    showTrouble(t("Frame {idx} was not saved and is as before: {why}", { idx, why }));
   }
   if (--nWaiting > 0) return;
-  if (failed.size === 0) return showSaved("saved", `saved to ${desk.clip.labels_path}`);
-  showSaved("failed", `not saved: frame ${[...failed].join(", ")}`);
+  if (failed.size === 0) {
+    return showSaved("saved", t("saved to {file}", { file: desk.clip.labels_file }));
+  }
+  showSaved("failed", t("not saved: frame {frames}", { frames: [...failed].join(", ") }));
   for (const frame of failed) assign(labels, frame, stored.get(frame));
   failed.clear();
   draw();
@@ -186,7 +192,7 @@ const KEYS = {
 };
 
 function onKey(event) {
-  if ($("help").open) return;
+  if ($("help").open || $("token").open) return;
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
   let action = event.altKey ? ALT_KEYS[key] : KEYS[key];
   if (event.ctrlKey || event.metaKey) action = key === "z" ? undo : undefined;
@@ -246,19 +252,78 @@ function onTimeline(canvas) {
   });
 }
 
+// ---- who may
+
+function keep(token) {
+  desk.token = token;
+  try {
+    localStorage.setItem("court.token", token);
+  } catch {
+    // Private windows may refuse; then it lasts as long as the page.
+  }
+}
+
+/// The token comes in the address once, and must not stay where it is seen, or is the one that the
+/// coach's page keeps. What remains of the address is the clip's name.
+function takeAddress() {
+  const address = new URLSearchParams(location.hash.slice(1));
+  const given = address.get("token");
+  try {
+    desk.token = localStorage.getItem("court.token");
+  } catch {
+    // As above.
+  }
+  if (given) keep(given);
+  const clip = address.get("clip");
+  const rest = clip === null ? "" : `#clip=${encodeURIComponent(clip)}`;
+  history.replaceState(null, "", location.pathname + rest);
+  return clip;
+}
+
+function tokenFromPerson() {
+  return new Promise((resolve) => {
+    const dialog = $("token");
+    $("token-typed").value = "";
+    dialog.returnValue = "";
+    const typed = () => (dialog.returnValue === "go" ? $("token-typed").value.trim() : "");
+    dialog.onclose = () => resolve(typed());
+    dialog.showModal();
+  });
+}
+
+/// Does what needs the token, and asks for it when it is missing or wrong.
+async function trusted(what) {
+  for (;;) {
+    try {
+      return await what();
+    } catch (error) {
+      const token = error.status === 401 ? await tokenFromPerson() : "";
+      if (token === "") throw error;
+      keep(token);
+    }
+  }
+}
+
 // ---- start
 
 async function start() {
-  desk.clip = await (await ask("clip")).json();
-  for (const { frame_idx, ...label } of await (await ask("labels")).json()) {
+  const asked = takeAddress();
+  await translate();
+  const name = asked ?? (await (await ask("clips")).json()).clips[0]?.name;
+  if (name === undefined) throw new Error(t("there is no clip"));
+  desk.clip = { name };
+  desk.clip = await (await ask(`clips/${encodeURIComponent(name)}`)).json();
+  const { labels: listed } = await (await ask(ofClip("labels"))).json();
+  for (const { frame_idx, ...label } of listed) {
     labels.set(frame_idx, label);
     stored.set(frame_idx, label);
   }
-  const { name, width_px, height_px, n_frames, frame_rate_hz } = desk.clip;
+  const { width_px, height_px, n_frames, frame_rate_hz } = desk.clip;
   const rate = frame_rate_hz ? `, ${Math.round(frame_rate_hz * 100) / 100} Hz` : "";
-  document.title = `${name} – label`;
+  document.title = `${name} – ${t("ground truth")}`;
+  $("csv").href = `../api/v1/${ofClip("labels.csv")}`;
   $("clip-name").textContent = name;
-  $("clip-facts").textContent = `${width_px} × ${height_px}, ${n_frames} frames${rate}`;
+  $("clip-facts").textContent = `${width_px} × ${height_px}, ${n_frames} ${t("frames")}${rate}`;
   for (const id of ["advance", "follow", "stretch", "difference"]) {
     $(id).addEventListener("click", () => toggle(id));
   }
@@ -276,4 +341,5 @@ async function start() {
   go(0);
 }
 
-start().catch((error) => showTrouble(`The clip cannot be shown: ${error.message}`));
+start().catch((error) => showTrouble(t("The clip cannot be shown: {why}",
+  { why: error.message })));

@@ -1,6 +1,7 @@
 // What the page knows → what is seen of it.
 
 import { $, clamp, desk, fit, isInPicture, pixelFrom, screenFrom, stateOf } from "./desk.js";
+import { t } from "./words.js";
 
 const MAGNIFIED = 12;
 const COLOR = Object.fromEntries(["ball", "hard", "none", "unseen", "before", "after"].map(
@@ -113,15 +114,15 @@ function drawWords() {
   const say = (id, words) => ($(id).textContent = words);
   say("label-x", label ? tenths(label.x_px) : "–");
   say("label-y", label ? tenths(label.y_px) : "–");
-  say("label-state", { ball: "a ball", hard: "a ball, hard: need not be found",
-    none: "no ball", unseen: "no label yet" }[stateOf(at)]);
+  say("label-state", t({ ball: "a ball", hard: "a ball, hard: need not be found",
+    none: "no ball", unseen: "no label yet" }[stateOf(at)]));
   $("label-state").dataset.state = stateOf(at);
   $("hard").setAttribute("aria-pressed", String(label?.is_hard ?? false));
   $("hard").disabled = !label;
   say("frame-number", at);
-  say("frame-count", `of 0 to ${clip.n_frames - 1}`);
+  say("frame-count", t("of 0 to {last}", { last: clip.n_frames - 1 }));
   say("lag", desk.lag);
-  say("zoom", view.isFit ? "whole picture" : `${view.scale.toFixed(1)} ×`);
+  say("zoom", view.isFit ? t("whole picture") : `${view.scale.toFixed(1)} ×`);
   const p = pointer && pixelFrom(pointer);
   say("pointer", p && isInPicture(p) ? `x ${p.x_px.toFixed(1)}   y ${p.y_px.toFixed(1)}` : "");
   const nHard = [...labels.values()].filter((one) => one.is_hard).length;

@@ -5,6 +5,7 @@ export const $ = (id) => document.getElementById(id);
 
 export const desk = {
   clip: null,
+  token: null, // of whoever may change labels
   at: 0, // the frame asked for
   shown: -1, // the frame whose pixels are in `plane`
   plane: document.createElement("canvas"), // that frame as it is to be seen, at its own size
