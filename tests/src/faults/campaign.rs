@@ -149,7 +149,7 @@ pub fn run(
     let seen_on_boards = site.on_boards.each_ref().map(|witness| witness.seen().clone());
     let seen_at_fusion = site.at_fusion.seen().clone();
     let served = site.served.bounced_within([begun_ns, ended_ns - LAST_SHOT_WITHIN_NS]);
-    let ends = site.ends();
+    let (ends, n_restarts_at_start) = (site.ends(), site.n_restarts_at_start);
     let (boards, left) = site.end()?;
     Ok(Report::new(Inputs {
         plan: plan.clone(),
@@ -161,6 +161,7 @@ pub fn run(
         seen_on_boards,
         seen_at_fusion,
         ends,
+        n_restarts_at_start,
         boards,
         left,
     }))

@@ -40,6 +40,8 @@ pub struct Inputs {
     pub seen_at_fusion: Seen,
     /// Ends of units.
     pub ends: Vec<End>,
+    /// How often each launcher started something again before all ran.
+    pub n_restarts_at_start: [usize; 2],
     /// Of the launchers.
     pub boards: [BoardEnd; 2],
     /// Files that nobody answers for.
@@ -167,6 +169,7 @@ fn broken_from(
         };
         let deaths = inputs.faults.iter().filter(is_of).filter(|f| f.kind == Kind::Killed);
         let (n_frames, n_complete, n) = (seen.n_captured(), seen.n_complete, deaths.count());
+        let n = n + inputs.n_restarts_at_start[camera.idx()];
         let n_lost = n_frames - n_complete;
         let expected = format!(
             "stopped: {n_frames} frames, {n_complete} complete, {n_lost} lost, {n} restarts"

@@ -57,6 +57,11 @@ pub struct Site {
     pub at_fusion: Witness,
     /// Where the page listens.
     pub page: String,
+    /// How often launchers started something again before all ran: many processes that make the same
+    /// services in the same millisecond may refuse each other once.
+    pub n_restarts_at_start: [usize; 2],
+    /// The same for the units.
+    n_ends_at_start: usize,
     folder: PathBuf,
     boards: [Board; 2],
     keeper: Keeper,
@@ -110,19 +115,34 @@ impl Site {
         let board = |camera| Board::start(&court, camera, &endpoint, &folder);
         let boards = [board(Camera::Left)?, board(Camera::Right)?];
         let on_boards = [left, right];
-        let site = Self { court, served, on_boards, at_fusion, page, folder, boards, keeper };
+        let (n_restarts_at_start, n_ends_at_start) = ([0; 2], 0);
+        let mut site = Self {
+            court,
+            served,
+            on_boards,
+            at_fusion,
+            page,
+            n_restarts_at_start,
+            n_ends_at_start,
+            folder,
+            boards,
+            keeper,
+        };
         let all_come = || {
             let seen = site.at_fusion.seen();
             seen.last.iter().all(|frame| frame.complete_ns.is_some())
         };
         site.wait_until("frames of both boards", Duration::from_secs(30), all_come)?;
+        let n_restarts = |camera| site.board_words(camera).matches("started again").count();
+        site.n_restarts_at_start = Camera::BOTH.map(n_restarts);
+        site.n_ends_at_start = site.keeper.ends().len();
         Ok(site)
     }
 
-    /// Ends of units so far.
+    /// Ends of units since all ran.
     #[must_use]
     pub fn ends(&self) -> Vec<End> {
-        self.keeper.ends()
+        self.keeper.ends().split_off(self.n_ends_at_start)
     }
 
     /// A board's launcher, by its process number.
