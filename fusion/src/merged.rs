@@ -35,8 +35,8 @@ pub struct Waits {
     /// Seconds, by the stamps of what waits, for one that has been sending: as long as its board
     /// keeps what was not sent.
     pub heard_s: f64,
-    /// Part of a camera's shortest period after a frame of it within which it sends no other. Stamps of
-    /// steady cameras are off by less than a millisecond; what comes sooner yet is late.
+    /// Part of a camera's shortest period after a frame of it within which it sends no other.
+    /// Stamps of steady cameras are off by less than a millisecond; what comes sooner is late.
     pub steady: f64,
 }
 

@@ -1,9 +1,10 @@
 //! Light → frames of a camera, on this machine's clock.
 //!
 //! [`Camera`] is the door every kind of camera stands behind: [`usb`] by V4L2, `libcamera` (feature
-//! of that name) for the cameras of a Raspberry Pi, [`recorded`] for one that is not there. [`modes`] is what the sensors can do,
-//! [`clock`] puts their stamps on our clock, [`steady`] keeps one that is too fast at its rate, and
-//! [`pixels`] copies luma out of a camera's memory, once. [`listed`] shows what is there.
+//! of that name) for the cameras of a Raspberry Pi, [`recorded`] for one that is not there.
+//! [`modes`] is what the sensors can do, [`clock`] puts their stamps on our clock, [`steady`] keeps
+//! one that is too fast at its rate, and [`pixels`] copies luma out of a camera's memory, once.
+//! [`listed`] shows what is there.
 
 pub mod clock;
 #[cfg(feature = "libcamera")]

@@ -3,8 +3,8 @@
 //! Read in this order: [`flags`] say what is wanted, [`plans`] which processes that takes;
 //! [`processes`] is how one of this house is started, signalled and ended, [`back_off`] when it is
 //! started again, [`supervisor`] does both. Shared [`memory`] gives an [`account`] of every frame,
-//! which becomes the [`status`] line; [`systemd`] hears it, too. A worker that is [`stuck`] is killed. A [`claim`] keeps two launchers
-//! from one camera, and [`board`] is all of it together.
+//! which becomes the [`status`] line; [`systemd`] hears it, too. A worker that is [`stuck`] is
+//! killed. A [`claim`] keeps two launchers from one camera, and [`board`] is all of it together.
 //!
 //! Deliberately absent: what a process does. The launcher knows capture's exit codes and nothing
 //! else of the rooms.

@@ -227,7 +227,8 @@ impl fmt::Display for Report {
             let PartReport { n_killed, n_still, .. } = part;
             writeln!(
                 f,
-                "{name:<16}{n_killed:>7}{n_still:>7}{p50:>12}{most:>12}{mib:>9.1}{n_files:>8}{growth:>22}"
+                "{name:<16}{n_killed:>7}{n_still:>7}{p50:>12}{most:>12}{mib:>9.1}{n_files:>8}\
+                 {growth:>22}"
             )?;
         }
         let (n_unexplained, n_wrong) = (balls.unexplained.len(), balls.wrong.len());
@@ -242,8 +243,8 @@ impl fmt::Display for Report {
         let [p50, p99, most] = frames.way_ms;
         writeln!(
             f,
-            "frames: {:?} captured, {:?} complete on the boards, {} lost on the way unexplained; in \
-             calm {} of {} lost, beside fusion after {p50:.1} ms, p99 {p99:.1}, most {most:.1}",
+            "frames: {:?} captured, {:?} complete on the boards, {} lost on the way \
+             unexplained; in calm {} of {} lost, beside fusion after {p50:.1} ms, p99 {p99:.1}, most {most:.1}",
             frames.n_captured,
             frames.n_complete,
             frames.unexplained.len(),

@@ -57,8 +57,8 @@ pub struct Site {
     pub at_fusion: Witness,
     /// Where the page listens.
     pub page: String,
-    /// How often launchers started something again before all ran: many processes that make the same
-    /// services in the same millisecond may refuse each other once.
+    /// How often launchers started something again before all ran: many processes that make the
+    /// same services in the same millisecond may refuse each other once.
     pub n_restarts_at_start: [usize; 2],
     /// The same for the units.
     n_ends_at_start: usize,
