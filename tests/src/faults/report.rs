@@ -244,7 +244,8 @@ impl fmt::Display for Report {
         writeln!(
             f,
             "frames: {:?} captured, {:?} complete on the boards, {} lost on the way \
-             unexplained; in calm {} of {} lost, beside fusion after {p50:.1} ms, p99 {p99:.1}, most {most:.1}",
+             unexplained; in calm {} of {} lost, beside fusion after {p50:.1} ms, p99 \
+             {p99:.1}, most {most:.1}",
             frames.n_captured,
             frames.n_complete,
             frames.unexplained.len(),
