@@ -10,6 +10,8 @@ const DEMO = process.env["DEMO_URL"] ?? "";
 const N_VIEWERS = 20;
 /** Latency may grow by so much of itself. */
 const ALLOWED = 0.05;
+/** And by no more than this, however uncertain the rest is. */
+const FRAME_MS = 10;
 const N_PAIRS = Number(process.env["LATENCY_PAIRS"] ?? 20);
 /** As `demo --different-shots` was told: odd, so that each flight has its turn both ways. */
 const N_FLIGHTS = Number(process.env["DEMO_FLIGHTS"] ?? 5);
@@ -101,6 +103,7 @@ test("fusion's shots are as soon with twenty viewers as with none", async () => 
       `${more_ms >= 0 ? "+" : ""}${more_ms.toFixed(2)} ± ${sigma_ms.toFixed(2)} ms in ${both.length} pairs of the ` +
       `same flight: ratio ${ratio.toFixed(3)} ± ${sigma.toFixed(3)}`,
   );
+  expect(more_ms, "the median must not move by more than a frame").toBeLessThan(FRAME_MS);
   expect(sigma, "the difference is known well enough to be judged").toBeLessThan(ALLOWED);
   expect(ratio - 2 * sigma, "longer by more than a twentieth").toBeLessThan(1 + ALLOWED);
 });
