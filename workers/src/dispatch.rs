@@ -106,3 +106,32 @@ fn run_avx2(task: impl Task) {
 fn run_avx512(task: impl Task) {
     task.run();
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Sum<'a>(&'a [u8], &'a mut u32);
+
+    impl Task for Sum<'_> {
+        #[inline(always)]
+        fn run(self) {
+            *self.1 = self.0.iter().map(|byte| u32::from(*byte)).sum();
+        }
+    }
+
+    // Small enough for Miri: `RUSTFLAGS="-C target-feature=+avx2" cargo +nightly miri test -p
+    // workers --lib dispatch` looks into the unsafe calls.
+    #[test]
+    fn every_version_that_is_there_computes_the_same() {
+        let bytes: Vec<u8> = (0..=255).cycle().take(1000).collect();
+        let expected = bytes.iter().map(|byte| u32::from(*byte)).sum::<u32>();
+        let available = Simd::available();
+        assert_eq!(available[0], Simd::Portable);
+        for simd in available {
+            let mut sum = 0;
+            simd.run(Sum(&bytes, &mut sum));
+            assert_eq!(sum, expected, "{}", simd.name());
+        }
+    }
+}

@@ -21,6 +21,8 @@ use std::time::{Duration, Instant};
 
 /// Readers of every frame.
 const N_READERS: usize = 2;
+/// Sizes and ways take turns: a machine that becomes faster or slower favours none of them.
+const N_ROUNDS: usize = 5;
 /// What is sent before a pipe's or a socket's frame: the stamp and the number of bytes.
 const HEADER_BYTES: usize = 16;
 /// A pipe's buffer, the most that Linux gives without asking.
@@ -61,21 +63,26 @@ pub fn compare(
     n_frames: usize,
     stop: &Stop,
 ) -> anyhow::Result<Vec<Sent>> {
-    let mut lines = Vec::new();
+    let ways = [Way::SharedMemory, Way::Pipe, Way::UnixSocket];
+    let mut took_ns: Vec<([usize; 2], Way, Vec<i64>)> = Vec::new();
     for &size_px in sizes_px {
-        for way in [Way::SharedMemory, Way::Pipe, Way::UnixSocket] {
+        took_ns.extend(ways.map(|way| (size_px, way, Vec::new())));
+    }
+    for round in 0..N_ROUNDS {
+        let n_frames = n_frames * (round + 1) / N_ROUNDS - n_frames * round / N_ROUNDS;
+        if n_frames == 0 {
+            continue;
+        }
+        for (size_px, way, all_ns) in &mut took_ns {
             ensure!(!stop.is_raised(), processes::Error::Stopped);
-            let took_ns = sent(way, size_px, fps, n_frames)?;
-            ensure!(
-                took_ns.len() == n_frames * N_READERS,
-                "{way:?}: {} of {} frames were read",
-                took_ns.len(),
-                n_frames * N_READERS
-            );
-            lines.push(Sent { way, size_px, took: Latency::from_ns(took_ns) });
+            let round_ns = sent(*way, *size_px, fps, n_frames)?;
+            let (n_read, n_sent) = (round_ns.len(), n_frames * N_READERS);
+            ensure!(n_read == n_sent, "{way:?}: {n_read} of {n_sent} frames were read");
+            all_ns.extend(round_ns);
         }
     }
-    Ok(lines)
+    let line = |(size_px, way, all_ns)| Sent { way, size_px, took: Latency::from_ns(all_ns) };
+    Ok(took_ns.into_iter().map(line).collect())
 }
 
 /// Who reads, and what it prints in the end.
