@@ -1,6 +1,7 @@
 //! What came from one board → its messages, whole, in order and on our clock.
 
-use crate::clock::{Clock, Estimate, Exchange};
+use super::translated::{sigma_from, translate};
+use crate::clock::{Clock, Exchange};
 use crate::gaps::{Counts, Order};
 use crate::run;
 use crate::wire::batch::{Batch, Message};
@@ -104,7 +105,8 @@ impl Board {
             // What was sent just before this pong may still arrive after it.
             self.orders[idx].note_end(pong.session_id, self.end_idx[idx]);
             let (oldest_idx, end_idx) = (pong.oldest_idx[idx], pong.end_idx[idx]);
-            if !self.has_joined {
+            // A board that still has its first batch has begun just now: all of it is wanted.
+            if !self.has_joined && oldest_idx > 0 {
                 let n_kept = end_idx.saturating_sub(oldest_idx);
                 let n_wanted = (n_kept as f64 * JOINED_SHARE).ceil() as u64;
                 self.wanted_from_idx[idx] = end_idx.saturating_sub(n_wanted);
@@ -256,31 +258,6 @@ impl Board {
     }
 }
 
-/// Puts a message's stamps on our clock. What was exposed on a recording's own clock stays there.
-fn translate(message: &mut Message, estimate: &Estimate) {
-    let here = |stamp_ns: &mut StampNs| *stamp_ns = estimate.here_from_board(*stamp_ns);
-    let (exposed_ns, clock_sigma_ns) = match message {
-        Message::FrameInfo(info) => {
-            here(&mut info.published_ns);
-            (&mut info.exposed_ns, &mut info.clock_sigma_ns)
-        }
-        Message::Candidates(strip) => {
-            here(&mut strip.frame_published_ns);
-            here(&mut strip.started_ns);
-            here(&mut strip.finished_ns);
-            (&mut strip.exposed_ns, &mut strip.clock_sigma_ns)
-        }
-    };
-    if *clock_sigma_ns != OWN_CLOCK {
-        here(exposed_ns);
-        *clock_sigma_ns = sigma_from(estimate);
-    }
-}
-
-fn sigma_from(estimate: &Estimate) -> u32 {
-    (estimate.sigma_ns.round() as u32).min(OWN_CLOCK - 1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -305,11 +282,21 @@ mod tests {
 
     /// Pongs of a board whose clock is [`AHEAD_NS`] ahead.
     fn know_the_clock(board: &mut Board, session_id: u64, end_idx: u64) -> Vec<Message> {
+        know_the_clock_of(board, session_id, 0, end_idx)
+    }
+
+    /// The same of a board that no longer has its first batches.
+    fn know_the_clock_of(
+        board: &mut Board,
+        session_id: u64,
+        oldest_idx: u64,
+        end_idx: u64,
+    ) -> Vec<Message> {
         let mut messages = Vec::new();
         for k in 0..10 {
             let sent_ns = k * 50_000_000;
             let received_ns = sent_ns + 100_000 + AHEAD_NS;
-            let (oldest_idx, end_idx) = ([0; N_STREAMS], [end_idx; N_STREAMS]);
+            let (oldest_idx, end_idx) = ([oldest_idx; N_STREAMS], [end_idx; N_STREAMS]);
             let answered_ns = received_ns;
             let pong = Pong { sent_ns, received_ns, answered_ns, session_id, oldest_idx, end_idx };
             messages.extend(board.take_pong(&pong, sent_ns + 200_000));
@@ -339,7 +326,6 @@ mod tests {
     #[test]
     fn a_batch_that_only_a_pong_tells_of_is_asked_for_and_once_at_a_time() {
         let mut board = Board::new(Camera::Left);
-        know_the_clock(&mut board, 7, 0);
         know_the_clock(&mut board, 7, 3);
         let questions = board.questions(1_000_000_000);
         assert_eq!(questions.len(), 2);
@@ -355,10 +341,10 @@ mod tests {
         let mut board = Board::new(Camera::Left);
         let newest = batch(7, 5000, vec![info(5000, 0)]);
         assert!(board.take_batch(Stream::FramesInfo, newest, 0).is_empty());
-        assert!(know_the_clock(&mut board, 7, 5001).is_empty());
+        assert!(know_the_clock_of(&mut board, 7, 1, 5001).is_empty());
         // The last part of what it has.
         let asked = board.questions(500_000_001);
-        assert_eq!(asked.iter().map(|missing| missing.first_idx).collect::<Vec<u64>>(), [4000; 2]);
+        assert_eq!(asked.iter().map(|missing| missing.first_idx).collect::<Vec<u64>>(), [4001; 2]);
         // The pong comes while the answer is on its way, as it does if one is always asked for.
         let (sent_ns, answered_ns) = (550_000_000, 550_100_000 + AHEAD_NS);
         let (oldest_idx, end_idx) = ([5000; N_STREAMS], [5001; N_STREAMS]);
