@@ -1,8 +1,9 @@
 //! Network → each board's messages in order and on our clock → the shared memory that fusion reads.
 //!
 //! Zenoh's threads decode; one thread owns everything else (`board.rs` is what it knows of each
-//! board, `translated.rs` puts its stamps on our clock). Between them stands a bounded queue: what it has no room for is counted, missed by its
-//! number, and asked for again. Shots go the other way, as texts that nobody here reads.
+//! board, `translated.rs` puts its stamps on our clock). Between them stands a bounded queue: what
+//! it has no room for is counted, missed by its number, and asked for again. Shots go the other
+//! way, as texts that nobody here reads.
 
 mod board;
 mod translated;
