@@ -97,6 +97,7 @@ test("who has no token looks, and is asked for it before anything changes", asyn
   clip("guest.y4m");
   await open("setup", { token: false });
   await page.getByRole("link", { name: "Label guest.y4m" }).click();
+  await expect(page.locator("#clip-facts")).toHaveText(`${WIDTH} × ${HEIGHT}, ${N_FRAMES} frames, 90 Hz`);
   await isAt(page, 0);
   await clickPixel(page, ballAt(0));
   const asks = page.getByRole("dialog", { name: "This needs the token" });
