@@ -21,7 +21,8 @@
 //! [`overlay`] say and show how well balls are found there.
 //!
 //! A [`witness`] keeps an account of every frame; [`kills`] says how soon a board goes on without
-//! one of its processes.
+//! one of its processes, [`faults`] how a whole court takes whatever is done to it. [`progress`] is
+//! what long work says of itself.
 //!
 //! [`accuracy`] says how well `fusion` measures shots, from candidates and from pixels; [`courts`]
 //! how well rigs are calibrated from a court's lines; [`bumped`] how soon `fusion` notices that a
@@ -107,6 +108,8 @@ pub mod chain;
 pub mod club;
 
 pub mod witness;
+
+pub mod progress;
 
 pub mod kills;
 

@@ -14,6 +14,7 @@ use tests::camera;
 use tests::latency::report::{Report, transport_text};
 use tests::latency::transport::{self, Way};
 use tests::latency::{CourtLoad, Options, measure, picture};
+use tests::progress;
 
 /// Sizes of the sweep and of the comparison: the thesis' mode, HD, the global shutter camera's.
 const SIZES_PX: [[usize; 2]; 3] = [[640, 480], [1280, 720], [1456, 1088]];
@@ -100,25 +101,13 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
         is_early: flags.early,
         seconds: flags.seconds,
     };
-    let report = measure(&options, stop, said_progress())?;
+    let report = measure(&options, stop, progress::said(20))?;
     eprintln!();
     print!("{report}");
     if let Some(path) = &flags.svg {
         std::fs::write(path, picture::svg(&report)).with_context(|| path.display().to_string())?;
     }
     write_json(flags.json.as_deref(), &report)
-}
-
-/// Every twentieth of the way is said once.
-fn said_progress() -> impl FnMut(f64) {
-    let mut said = 0;
-    move |part| {
-        let now = (part * 20.0) as u32;
-        if now > said {
-            said = now;
-            eprint!("\r{:3} %", now * 5);
-        }
-    }
 }
 
 fn sweep(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {

@@ -12,6 +12,7 @@ use tests::faults::campaign::{self, Plan};
 use tests::faults::part::Part;
 use tests::faults::picture;
 use tests::faults::site::{Site, SiteOptions};
+use tests::progress;
 
 /// A whole court for hours, with faults at random.
 #[derive(Debug, Parser)]
@@ -86,14 +87,7 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
     eprintln!("soak: filming {} balls", flags.balls);
     let site = Site::start(&options, |_| ())?;
     eprintln!("soak: court {} runs; its words are in {}", site.court, options.folder.display());
-    let mut said = 0;
-    let report = campaign::run(site, &plan, stop, |part| {
-        let now = (part * 100.0) as u32;
-        if now > said {
-            said = now;
-            eprint!("\r{now:3} %");
-        }
-    })?;
+    let report = campaign::run(site, &plan, stop, progress::said(100))?;
     eprintln!();
     print!("{report}");
     if let Some(path) = &flags.json {

@@ -3,6 +3,7 @@
 use super::campaign::{Fault, Told};
 use super::report::Inputs;
 use super::served::{BallKey, Flown, Held};
+use crate::accuracy::figures::{mean, quantile};
 use serde::Serialize;
 use shm_layout::StampNs;
 use std::collections::{BTreeMap, BTreeSet};
@@ -39,9 +40,9 @@ pub struct Balls {
 /// Frames of both boards.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Frames {
-    /// Captured and complete on the board.
+    /// Captured by each board.
     pub n_captured: [u64; 2],
-    /// The same.
+    /// Complete there.
     pub n_complete: [u64; 2],
     /// Complete on a board, not beside fusion, and no bridge was away.
     pub unexplained: Vec<String>,
@@ -84,8 +85,9 @@ pub fn balls_from(served: &[Flown], told: &[Told], faults: &[Fault]) -> Balls {
             balls.unexplained.push(of(flown.key));
         }
     }
-    balls.mean_off_mm = off_m.iter().sum::<f64>() / off_m.len().max(1) as f64 * 1e3;
-    balls.told_after_ms = [0.5, 0.99, 1.0].map(|share| quantile(&mut after_ms, share));
+    balls.mean_off_mm = mean(&off_m).unwrap_or(0.0) * 1e3;
+    balls.told_after_ms =
+        [0.5, 0.99, 1.0].map(|share| quantile(&after_ms, share).unwrap_or(f64::NAN));
     balls
 }
 
@@ -138,7 +140,7 @@ pub fn frames_from(inputs: &Inputs) -> Frames {
             frames.n_lost_in_calm += last - first - n_there;
         }
     }
-    frames.way_ms = [0.5, 0.99, 1.0].map(|share| quantile(&mut way_ms, share));
+    frames.way_ms = [0.5, 0.99, 1.0].map(|share| quantile(&way_ms, share).unwrap_or(f64::NAN));
     frames
 }
 
@@ -154,12 +156,4 @@ fn missed_text(board: usize, frame_idx: u64, at_ns: StampNs, faults: &[Fault]) -
     let before = words(faults.iter().rfind(|fault| fault.at_ns < at_ns));
     let after = words(faults.iter().find(|fault| fault.at_ns >= at_ns));
     format!("frame {frame_idx} of board {board}, between {before} and {after}")
-}
-
-/// The value that `share` of them do not exceed; not a number of none.
-#[must_use]
-pub fn quantile(values: &mut [f64], share: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let idx = (values.len() as f64 * share) as usize;
-    values.get(idx.min(values.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
 }

@@ -1,12 +1,13 @@
 //! What happened at a site → whether every promise was kept, in figures and words.
 
-use super::balance::{Balls, Frames, balls_from, frames_from, quantile};
+use super::balance::{Balls, Frames, balls_from, frames_from};
 use super::campaign::{Fault, Kind, Plan, Told};
 use super::gauges::Gauges;
 use super::keeper::End;
 use super::part::Part;
 use super::served::Flown;
 use super::site::BoardEnd;
+use crate::accuracy::figures::quantile;
 use crate::witness::Seen;
 use serde::Serialize;
 use shm_layout::{Camera, StampNs};
@@ -120,8 +121,9 @@ fn parts_from(faults: &[Fault], gauges: &Gauges) -> BTreeMap<String, PartReport>
         let of_part: Vec<&Fault> = faults.iter().filter(|fault| fault.part == part).collect();
         report.n_killed = of_part.iter().filter(|fault| fault.kind == Kind::Killed).count();
         report.n_still = of_part.len() - report.n_killed;
-        let mut recovery_ms: Vec<f64> = of_part.iter().map(|fault| fault.recovery_ms()).collect();
-        report.recovery_ms = [0.5, 1.0].map(|share| quantile(&mut recovery_ms, share));
+        let recovery_ms: Vec<f64> = of_part.iter().map(|fault| fault.recovery_ms()).collect();
+        report.recovery_ms =
+            [0.5, 1.0].map(|share| quantile(&recovery_ms, share).unwrap_or(f64::NAN));
     }
     parts
 }

@@ -1,23 +1,13 @@
 // Recordings that were made while a session went on: what fusion was sent, to be looked at or replayed.
-import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { address, get, noteError } from "../api";
-import type { Recording } from "../contract";
+import { address } from "../api";
 import { recordedDuring } from "../pure/recorded";
 import { t, timeText } from "../words";
 import { sessions } from "./loaded";
+import { loadRecordings, recordings } from "./recordings";
 
 /** More would hide the other buttons; all are in the set-up. */
 const MAX_LINKS = 3;
-const recordings = signal<Recording[]>([]);
-
-async function loadRecordings(): Promise<void> {
-  try {
-    recordings.value = (await get<{ recordings: Recording[] }>("/setup/recordings")).recordings;
-  } catch (error) {
-    noteError(error);
-  }
-}
 
 export function Mcap(props: { id: number }) {
   useEffect(() => void loadRecordings(), [props.id]);

@@ -1,7 +1,7 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { act, address, fetchFile, get, noteError, saveBlob, send } from "../api";
-import type { CameraName, Job, Recording } from "../contract";
+import { act, address, fetchFile, saveBlob, send } from "../api";
+import type { CameraName, Job } from "../contract";
 import { Doing, Health } from "../parts/Buttons";
 import { sizeText } from "../pure/units";
 import { job, status, watch } from "../store";
@@ -9,6 +9,7 @@ import { dayText, named, t } from "../words";
 import { CAMERAS, Cameras } from "./Cameras";
 import { GroundTruth } from "./GroundTruth";
 import { State, Wizard, isCalibration } from "./Wizard";
+import { loadRecordings, recordings } from "./recordings";
 
 export function SetupView() {
   return (
@@ -93,15 +94,6 @@ function Pairing() {
 }
 
 const seconds = signal(10);
-const recordings = signal<Recording[]>([]);
-
-async function loadRecordings(): Promise<void> {
-  try {
-    recordings.value = (await get<{ recordings: Recording[] }>("/setup/recordings")).recordings;
-  } catch (error) {
-    noteError(error);
-  }
-}
 
 function Recordings() {
   const now = job.value;
