@@ -323,6 +323,8 @@ const WAYS = [
   ["POST", /^\/setup\/recordings$/, true, () => work("recording", "clip.mcap: 3.1 MB, nothing lost")],
   ["GET", /^\/setup\/recordings$/, false, () => ({ recordings: [
     { name: "2026-11-22-16-04.mcap", bytes: 3_141_592, at_ms: START_MS - 5e7 }] })],
+  // What every MCAP file begins with.
+  ["GET", /^\/setup\/recordings\/(.+)\.mcap$/, false, () => "\x89MCAP0\r\n"],
   ["GET", /^\/clips$/, false, () => ({ clips: [
     { name: "serve.y4m", bytes: 27_648_512, at_ms: START_MS - 6e7, is_labelled: true }] })],
   ["POST", /^\/setup\/pair$/, true, (_, { camera }) => ({ file: `rose-${camera}.pair` })],
@@ -356,7 +358,7 @@ async function serve(request, answer) {
     if (!said) throw new Problem(404, `${path}: there is none`);
     if (Buffer.isBuffer(said)) return answer.writeHead(200, { "Content-Type": "image/png" }).end(said);
     if (typeof said === "string") return answer.writeHead(200, { "Content-Type": "text/plain",
-      "Content-Disposition": `attachment; filename="${path.split("/").at(-1)}"` }).end(said);
+      "Content-Disposition": `attachment; filename="${path.split("/").at(-1)}"` }).end(said, "latin1");
     answer.writeHead(200, { "Content-Type": "application/json" }).end(JSON.stringify(said));
   } catch (error) {
     answer.writeHead(error.code ?? 500, { "Content-Type": "application/json" })
