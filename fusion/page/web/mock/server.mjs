@@ -322,7 +322,7 @@ const WAYS = [
   ["GET", /^\/setup\/jobs\/(\d+)$/, false, () => job],
   ["POST", /^\/setup\/recordings$/, true, () => work("recording", "clip.mcap: 3.1 MB, nothing lost")],
   ["GET", /^\/setup\/recordings$/, false, () => ({ recordings: [
-    { name: "2026-11-22-16-04.mcap", bytes: 3_141_592, at_ms: START_MS - 5e7 }] })],
+    { name: "2026-11-22-16-04.mcap", bytes: 3_141_592, at_ms: START_MS - 5e5 }] })],
   // What every MCAP file begins with.
   ["GET", /^\/setup\/recordings\/(.+)\.mcap$/, false, () => "\x89MCAP0\r\n"],
   ["GET", /^\/clips$/, false, () => ({ clips: [
