@@ -30,6 +30,11 @@ struct Flags {
     /// End after this long.
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..))]
     seconds: Option<u32>,
+    /// Begin another file after this long, behind a shot: FILE-2, FILE-3. A file of two boards
+    /// grows by 1 GB/h, and its index in memory by 2.3 MiB/h.
+    #[arg(long, value_name = "MIN", default_value = "20",
+          value_parser = clap::value_parser!(u32).range(1..=1440))]
+    minutes_per_file: u32,
     /// A rig to keep with the recording, for whoever measures it again.
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
@@ -54,6 +59,7 @@ fn main() -> ExitCode {
         with_frames: flags.frames,
         lasting: flags.seconds.map(|seconds| Duration::from_secs(seconds.into())),
         out: flags.out,
+        each_lasts: Duration::from_secs(60 * u64::from(flags.minutes_per_file)),
         rig: flags.rig,
     };
     // That a recording could not be ended counts, although the process was asked to end.

@@ -8,7 +8,7 @@
 //!
 //! Read in this order: [`topics`] is what a file holds, [`times`] its clock, [`queue`] the way from
 //! the thread that reads to the one that writes, [`annotations`] and [`scene`] what is drawn,
-//! [`writer`] the file, and [`recorder`] all of it. [`reader`] reads a file, [`replayer`] plays it.
+//! [`writer`] a file, [`files`] one after another, and [`recorder`] all of it. [`reader`] reads a file, [`replayer`] plays it.
 //!
 //! **A killed recorder** loses what came in its last half second: chunks are closed and handed to
 //! the system at least that often, never half. Such a file has no index, so viewers read it from
@@ -16,9 +16,11 @@
 //!
 //! **Limits**: a shot depends on what fusion had learned before it (the cameras' clocks). So the
 //! same bits come from a recorder that was there before the boards; a later one gives nearly the
-//! same. The index of a file grows in memory with every chunk, until it is written at the end.
+//! same, and so does every file of a long recording but the first. The index of a file grows in
+//! memory with every chunk, until it is written at the end.
 
 pub mod annotations;
+pub mod files;
 pub mod queue;
 pub mod reader;
 pub mod recorder;

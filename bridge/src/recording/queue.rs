@@ -40,6 +40,27 @@ pub struct LeftOut {
     pub n_messages: AtomicU64,
 }
 
+impl LeftOut {
+    /// What was left out since it was this.
+    #[must_use]
+    pub fn since(&self, before: &Self) -> Self {
+        let since = |now: &AtomicU64, before: &AtomicU64| {
+            AtomicU64::new(now.load(Ordering::Relaxed) - before.load(Ordering::Relaxed))
+        };
+        Self {
+            n_frames: since(&self.n_frames, &before.n_frames),
+            n_frames_missed: since(&self.n_frames_missed, &before.n_frames_missed),
+            n_messages: since(&self.n_messages, &before.n_messages),
+        }
+    }
+}
+
+impl Clone for LeftOut {
+    fn clone(&self) -> Self {
+        self.since(&Self::default())
+    }
+}
+
 impl std::fmt::Display for LeftOut {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let [n_messages, n_frames, n_missed] =

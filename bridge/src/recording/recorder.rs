@@ -1,12 +1,11 @@
-//! Shared memory of a domain → a file, until stopped.
+//! Shared memory of a domain → files, until stopped.
 //!
 //! Two threads: this one empties shared memory, the other writes ([`super::queue`] is between
 //! them). A recorder is nobody whom boards or the bridge wait for: it begins to read when somebody
 //! else does, so that a recording which is played does not start unheard.
 
+use super::files::{Series, Written};
 use super::queue::{self, Inlet, Item, LeftOut};
-use super::times::Times;
-use super::writer::{Counts, Writer, write_all};
 use super::{Error, file};
 use crate::wire::batch::Message;
 use shm_layout::ports::{Alarm, FrameReader, FrameService, MessageReader};
@@ -15,13 +14,10 @@ use shm_layout::stamp::now_ns;
 use shm_layout::stop::Stop;
 use shm_layout::text::TextReader;
 use shm_layout::{Camera, FrameInfo, Link, StripCandidates};
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufWriter, IsTerminal as _};
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Most messages of a service read in one go, so that no other service waits for long.
@@ -38,8 +34,10 @@ pub struct Options {
     pub with_frames: bool,
     /// End after this long.
     pub lasting: Option<Duration>,
-    /// The file.
+    /// The file, and those after it.
     pub out: PathBuf,
+    /// Each is ended after this long, and another one begun.
+    pub each_lasts: Duration,
     /// A rig to attach.
     pub rig: Option<PathBuf>,
 }
@@ -49,8 +47,8 @@ pub struct Options {
 pub struct Recorded {
     /// How long it lasted.
     pub lasted: Duration,
-    /// Messages, by topic.
-    pub counts: Counts,
+    /// Files, and messages by topic.
+    pub written: Written,
     /// What is not in it.
     pub left_out: Arc<LeftOut>,
 }
@@ -69,8 +67,11 @@ pub fn run(options: &Options, stop: &Stop) -> Result<Recorded, Error> {
         .map(|path| std::fs::read_to_string(path).map_err(|why| file(path, "read the rig")(&why)));
     let rig = rig.transpose()?;
     let member = Domain::new(&options.court, options.place)?.join("record")?;
-    let out = begun(options, rig.as_deref())?;
-    let Options { court, place, out: path, .. } = options;
+    let Options { court, place, out: path, each_lasts, .. } = options;
+    let about = [("court", court.as_str()), ("place", place.name())];
+    let about = about.map(|(name, value)| (name.to_owned(), value.to_owned())).into();
+    let series = Series { first: path.clone(), each_lasts: *each_lasts, about, rig_toml: rig };
+    let files = series.clone().begin()?;
     eprintln!("record: waits until somebody reads candidates of {court}, {}", place.name());
     wait_for_another_reader(&member, stop)?;
     let mut memory = Memory::open(&member, options)?;
@@ -79,17 +80,14 @@ pub fn run(options: &Options, stop: &Stop) -> Result<Recorded, Error> {
 
     let (inlet, outlet) = queue::of_size(queue::MAX_WAITING, queue::MAX_PIXEL_BYTES);
     let left_out = Arc::clone(&inlet.left_out);
-    let written: Written = std::thread::spawn(move || write_all(out, &outlet));
+    let written = std::thread::spawn(move || files.write_all(&outlet));
     let begun = Instant::now();
-    let outcome = read_all(&mut memory, inlet, options.lasting, begun, path, stop);
+    let outcome = read_all(&mut memory, inlet, options.lasting, begun, &series, stop);
     // The inlet is gone: what waits is written, and the file is ended.
-    let counts = written.join().map_err(|_| Error::WriterGone)?;
-    let counts = counts.map_err(|why| file(path, "write")(&reason(&why)))?;
+    let written = written.join().map_err(|_| Error::WriterGone)??;
     outcome?;
-    Ok(Recorded { lasted: begun.elapsed(), counts, left_out })
+    Ok(Recorded { lasted: begun.elapsed(), written, left_out })
 }
-
-type Written = JoinHandle<mcap::McapResult<Counts>>;
 
 /// Reads until stopped, the time is over, or the file cannot be written.
 fn read_all(
@@ -97,10 +95,10 @@ fn read_all(
     inlet: Inlet,
     lasting: Option<Duration>,
     begun: Instant,
-    path: &Path,
+    series: &Series,
     stop: &Stop,
 ) -> Result<(), Error> {
-    let mut status = Status::new(path);
+    let mut status = Status::new(series);
     while !stop.is_raised() && lasting.is_none_or(|lasting| begun.elapsed() < lasting) {
         match memory.read_once(&inlet) {
             Ok(0) => memory.alarm.wait()?,
@@ -114,28 +112,6 @@ fn read_all(
     memory.read_once(&inlet)?;
     status.clear();
     Ok(())
-}
-
-fn begun(options: &Options, rig: Option<&str>) -> Result<Writer<BufWriter<File>>, Error> {
-    let path = &options.out;
-    if path.is_file() {
-        return Err(Error::Exists(path.clone()));
-    }
-    let out = File::create(path).map_err(|why| file(path, "create it")(&why))?;
-    let about = BTreeMap::from([
-        ("court".to_owned(), options.court.clone()),
-        ("place".to_owned(), options.place.name().to_owned()),
-    ]);
-    Writer::begin(BufWriter::new(out), Times::of_now(), now_ns(), about, rig)
-        .map_err(|why| file(path, "write")(&reason(&why)))
-}
-
-/// The system's words, without the library's around them.
-fn reason(why: &mcap::McapError) -> String {
-    match why {
-        mcap::McapError::Io(why) => why.to_string(),
-        other => other.to_string(),
-    }
 }
 
 fn wait_for_another_reader(member: &Member, stop: &Stop) -> Result<(), Error> {
@@ -252,16 +228,16 @@ impl Frames {
 
 /// A line on a terminal, once a second.
 struct Status<'a> {
-    path: &'a Path,
+    series: &'a Series,
     is_shown: bool,
     shown_at: Instant,
     n_read: u64,
 }
 
 impl<'a> Status<'a> {
-    fn new(path: &'a Path) -> Self {
+    fn new(series: &'a Series) -> Self {
         let is_shown = std::io::stderr().is_terminal();
-        Self { path, is_shown, shown_at: Instant::now(), n_read: 0 }
+        Self { series, is_shown, shown_at: Instant::now(), n_read: 0 }
     }
 
     fn show(&mut self, begun: Instant, left_out: &LeftOut) {
@@ -269,7 +245,8 @@ impl<'a> Status<'a> {
             return;
         }
         self.shown_at = Instant::now();
-        let n_bytes = std::fs::metadata(self.path).map_or(0, |metadata| metadata.len());
+        let files = (1..).map(|number| std::fs::metadata(self.series.path(number)));
+        let n_bytes: u64 = files.map_while(Result::ok).map(|metadata| metadata.len()).sum();
         let (seconds, mib) = (begun.elapsed().as_secs(), n_bytes >> 20);
         eprint!("\rrecord: {seconds} s, {} messages, {mib} MiB, {left_out}  ", self.n_read);
     }
@@ -283,10 +260,14 @@ impl<'a> Status<'a> {
 
 /// As a person reads it.
 pub fn words_from(recorded: &Recorded, path: &Path) -> String {
-    let counts = recorded.counts.iter().map(|(topic, n)| format!("{n} {topic}"));
-    let counts: Vec<String> = counts.collect();
+    let Written { n_files, counts } = &recorded.written;
+    let counts: Vec<String> = counts.iter().map(|(topic, n)| format!("{n} {topic}")).collect();
+    let more = match n_files - 1 {
+        0 => String::new(),
+        n => format!(" and {n} more"),
+    };
     format!(
-        "{}: {:.1} s: {}; {}",
+        "{}{more}: {:.1} s: {}; {}",
         path.display(),
         recorded.lasted.as_secs_f64(),
         counts.join(", "),

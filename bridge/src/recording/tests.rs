@@ -1,5 +1,6 @@
 //! Files that are written and read again; whole, cut off, and by other readers.
 
+use super::files::{Series, Written};
 use super::queue::{Item, LeftOut};
 use super::reader::{Entry, Recording, rig_from};
 use super::replayer::{self, Speed};
@@ -16,6 +17,7 @@ use std::collections::BTreeMap;
 use std::io::BufWriter;
 use std::path::Path;
 use std::sync::mpsc;
+use std::time::Duration;
 
 const RIG: &str = "[left]\nposition_in_court_m = [-2.0, -1.0, 3.5]\n";
 const SHOT: &str = r#"{"outcome":"measured","launch":{"speed_m_s":27.700000000000003}}"#;
@@ -146,6 +148,61 @@ fn all_that_was_flushed_is_in_the_file_of_a_killed_recorder() {
     assert_eq!(read(&path), (Vec::new(), true), "a chunk is written when it is whole");
     writer.flush().unwrap();
     assert_eq!(read(&path), (entries_of(&items), true));
+}
+
+fn series(first: &Path, each_lasts: Duration) -> Series {
+    let about = BTreeMap::from([("court".to_owned(), "a".to_owned())]);
+    Series { first: first.to_owned(), each_lasts, about, rig_toml: Some(RIG.to_owned()) }
+}
+
+fn write_all(series: &Series, items: &[Item]) -> Result<Written, Error> {
+    let (inlet, outlet) = queue::of_size(items.len(), 1 << 20);
+    for item in items {
+        inlet.put(0, item.clone()).unwrap();
+    }
+    drop(inlet);
+    series.clone().begin()?.write_all(&outlet)
+}
+
+#[test]
+fn a_file_whose_time_is_over_is_followed_by_another_behind_a_shot() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let items = items(50);
+    let one = write_all(&series(&path, Duration::from_secs(60)), &items).unwrap();
+    assert_eq!(one.n_files, 1);
+    std::fs::remove_file(&path).unwrap();
+
+    let each = series(&path, Duration::ZERO);
+    let written = write_all(&each, &items).unwrap();
+    assert_eq!(written.n_files, 6, "five shots, and what came after them");
+    // Every file begins with an empty court of its own.
+    let n_scenes = written.counts["/scene"] - one.counts["/scene"];
+    assert_eq!(n_scenes, 5);
+    let mut all = Vec::new();
+    for number in 1..=6 {
+        let path = each.path(number);
+        assert_eq!(rig_from(&path).unwrap().as_deref(), Some(RIG));
+        let (entries, is_cut_off) = read(&path);
+        assert!(!is_cut_off, "{}", path.display());
+        assert_eq!(matches!(entries.last(), Some(Entry::Shot(_))), number < 6);
+        all.extend(entries);
+    }
+    assert_eq!(all, entries_of(&items), "nothing is lost between two files");
+    assert!(!each.path(7).exists());
+    assert!(each.path(2).ends_with("a-2.mcap"));
+}
+
+#[test]
+fn a_file_in_the_way_of_the_next_is_not_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let each = series(&folder.path().join("a.mcap"), Duration::ZERO);
+    std::fs::write(each.path(2), "somebody's").unwrap();
+    let refusal = write_all(&each, &items(50)).unwrap_err().to_string();
+    assert!(refusal.contains("a-2.mcap: is there already"), "{refusal}");
+    let (entries, is_cut_off) = read(&each.path(1));
+    assert!(!is_cut_off, "what was recorded until then can be read");
+    assert_eq!(entries.len(), 41);
 }
 
 #[test]

@@ -1,17 +1,16 @@
-//! Things that were read → the file.
+//! Things that were read → a file.
 //!
 //! A chunk is built in memory and handed to the system whole, with everything before it. Without
 //! compression: pixels of a noisy sensor shrink by little, and a board has no time to spare.
 
 use super::annotations::Annotations;
-use super::queue::{Item, LeftOut, Outlet};
+use super::queue::{Item, LeftOut};
 use super::scene;
 use super::times::{Times, timestamp_from};
 use super::topics::{BEGUN, ENDED, RIG_FILE, Topic, bytes_from};
 use crate::wire::Stream;
 use crate::wire::VERSION;
 use crate::wire::batch::{Batch, Message, bytes_from_batch};
-use crossbeam::channel::RecvTimeoutError;
 use foxglove::bytes::Bytes;
 use foxglove::messages::RawImage;
 use mcap::records::{MessageHeader, Metadata};
@@ -22,12 +21,6 @@ use shm_layout::{Camera, FrameInfo, Link, StampNs};
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Seek, Write};
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
-
-/// A chunk is closed and handed to the system after this long. With what waits until the thread
-/// looks again this is less than half a second.
-const FLUSH_EVERY: Duration = Duration::from_millis(400);
-const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// A chunk is closed when it is this large, too: of pixels, seven a second.
 const MAX_CHUNK_BYTES: u64 = 4 << 20;
@@ -48,7 +41,6 @@ pub struct Writer<W: Write + Seek> {
     channels: HashMap<Topic, Channel>,
     annotations: [Annotations; 2],
     cameras_m: Vec<[f64; 3]>,
-    flushed_at: Instant,
 }
 
 impl<W: Write + Seek> Writer<W> {
@@ -70,9 +62,9 @@ impl<W: Write + Seek> Writer<W> {
             .library(format!("record {}", env!("CARGO_PKG_VERSION")))
             .create(file)?;
         let cameras_m = rig_toml.map_or(Vec::new(), scene::cameras_in_court_m);
-        let (channels, flushed_at) = (HashMap::new(), Instant::now());
+        let channels = HashMap::new();
         let annotations = Default::default();
-        let mut writer = Self { file, times, channels, annotations, cameras_m, flushed_at };
+        let mut writer = Self { file, times, channels, annotations, cameras_m };
         let mut about = about;
         about.insert("wire_version".to_owned(), VERSION.to_string());
         about.insert("day_minus_stamp_ns".to_owned(), times.day_minus_stamp_ns.to_string());
@@ -118,7 +110,6 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// When the file cannot be written.
     pub fn flush(&mut self) -> McapResult<()> {
-        self.flushed_at = Instant::now();
         self.file.flush()
     }
 
@@ -222,28 +213,6 @@ impl<W: Write + Seek> Writer<W> {
         let (name, encoding) = (topic.name(), schema.message_encoding);
         let id = self.file.add_channel(schema_id, &name, &encoding, &BTreeMap::new())?;
         Ok(Channel { id, n_messages: 0 })
-    }
-}
-
-/// Writes all that comes out of the queue, until its other end is gone; then ends the recording.
-///
-/// # Errors
-/// When the file cannot be written.
-pub fn write_all<W: Write + Seek>(mut writer: Writer<W>, outlet: &Outlet) -> McapResult<Counts> {
-    loop {
-        match outlet.items.recv_timeout(LOOK_EVERY) {
-            Ok((read_ns, item)) => {
-                writer.put(read_ns, &item)?;
-                if let Item::Frame(_, luma) = &item {
-                    outlet.give_back(luma.len());
-                }
-            }
-            Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return writer.finish(&outlet.left_out),
-        }
-        if writer.flushed_at.elapsed() >= FLUSH_EVERY {
-            writer.flush()?;
-        }
     }
 }
 
