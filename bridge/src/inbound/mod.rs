@@ -21,7 +21,7 @@ use board::Board;
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use shm_layout::ports::MessageWriter;
 use shm_layout::services::{Domain, Member, Place};
-use shm_layout::stamp::now_ns;
+use shm_layout::stamp::{OWN_CLOCK, now_ns};
 use shm_layout::stop::Stop;
 use shm_layout::text::TextReader;
 use shm_layout::{Camera, FrameInfo, Link, StampNs, StripCandidates};
@@ -42,6 +42,9 @@ const TICK: Duration = Duration::from_millis(5);
 
 /// A ping 20 times a second finds a quick exchange soon even on a busy link, for 3 kB/s.
 const PING_EVERY_NS: i64 = 50_000_000;
+
+/// Until a board's clock is known its messages wait: eight exchanges are there after 0.16 s.
+const FIRST_PINGS_EVERY_NS: i64 = 20_000_000;
 
 /// How often links are told of.
 const TELL_EVERY_NS: i64 = 500_000_000;
@@ -263,11 +266,13 @@ impl<'a> Side<'a> {
     }
 
     fn ping(&mut self, now_ns: StampNs) {
-        if now_ns - self.pinged_ns >= PING_EVERY_NS {
+        let clock_sigma_ns = self.board.clock_sigma_ns();
+        let every_ns =
+            if clock_sigma_ns == OWN_CLOCK { FIRST_PINGS_EVERY_NS } else { PING_EVERY_NS };
+        if now_ns - self.pinged_ns >= every_ns {
             self.pinged_ns = now_ns;
             // Whether or not its token is here: a board's older session may go last.
             // Stamped as late as can be. One that cannot be sent is one that did not arrive.
-            let clock_sigma_ns = self.board.clock_sigma_ns();
             let ping = Ping { sent_ns: shm_layout::stamp::now_ns(), clock_sigma_ns };
             drop(self.pings.put(ping.to_bytes()).wait());
         }

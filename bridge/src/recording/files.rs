@@ -69,15 +69,7 @@ impl Series {
         let writer = self.writer(&path)?;
         let (begun, written) = (Instant::now(), Written { n_files: 1, ..Written::default() });
         let left_out_before = LeftOut::default();
-        Ok(Files {
-            series: self,
-            path,
-            writer,
-            begun,
-            flushed_at: begun,
-            left_out_before,
-            written,
-        })
+        Ok(Files { series: self, path, writer, begun, flushed_at: begun, left_out_before, written })
     }
 
     fn writer(&self, path: &Path) -> Result<Writer<BufWriter<File>>, Error> {

@@ -12,7 +12,7 @@ const FIRST: Duration = Duration::from_millis(250);
 pub const LONGEST: Duration = Duration::from_secs(4);
 
 /// A process that lived so long was well: its death is an accident again.
-pub const HEALTHY: Duration = Duration::from_secs(2);
+pub const HEALTHY: Duration = Duration::from_secs(1);
 
 /// The waits of one process.
 #[derive(Debug, Clone, Copy, Default)]
@@ -39,6 +39,6 @@ mod tests {
         let mut wait_ms = |lived_ms| back_off.update(Duration::from_millis(lived_ms)).as_millis();
         let waits: Vec<u128> = (0..8).map(|_| wait_ms(30)).collect();
         assert_eq!(waits, [0, 250, 500, 1000, 2000, 4000, 4000, 4000]);
-        assert_eq!([wait_ms(2000), wait_ms(30), wait_ms(30)], [0, 250, 500]);
+        assert_eq!([wait_ms(1000), wait_ms(999), wait_ms(30)], [0, 250, 500]);
     }
 }
