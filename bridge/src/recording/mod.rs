@@ -8,7 +8,8 @@
 //!
 //! Read in this order: [`topics`] is what a file holds, [`times`] its clock, [`queue`] the way from
 //! the thread that reads to the one that writes, [`annotations`] and [`scene`] what is drawn,
-//! [`writer`] a file, [`files`] one after another, and [`recorder`] all of it. [`reader`] reads a file, [`replayer`] plays it.
+//! [`writer`] a file, [`files`] one after another, and [`recorder`] all of it. [`reader`] reads a
+//! file, [`replayer`] plays it.
 //!
 //! **A killed recorder** loses what came in its last half second: chunks are closed and handed to
 //! the system at least that often, never half. Such a file has no index, so viewers read it from
