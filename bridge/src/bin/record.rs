@@ -31,7 +31,7 @@ struct Flags {
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..))]
     seconds: Option<u32>,
     /// Begin another file after this long, behind a shot: FILE-2, FILE-3. A file of two boards
-    /// grows by 1 GB/h, and its index in memory by 2.3 MiB/h.
+    /// grows by 0.36 GB/h, and its index in memory by 2.3 MiB/h.
     #[arg(long, value_name = "MIN", default_value = "10",
           value_parser = clap::value_parser!(u32).range(1..=1440))]
     minutes_per_file: u32,
