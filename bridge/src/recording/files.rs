@@ -1,8 +1,9 @@
 //! What came out of the queue → one file, then the next.
 //!
 //! A recorder that runs for a day would hold an index of 55 MB in memory (2.3 MiB/h, measured with
-//! `soak`) and write a file of 9 GB (0.36 GB/h of two boards). So a file is ended after a while and another one is begun
-//! beside it, between two shots: each can be read, viewed and measured again alone.
+//! `soak`) and write a file of 9 GB (0.36 GB/h of two boards). So a file is ended after a while and
+//! another one is begun beside it, between two shots: each can be read, viewed and measured again
+//! alone.
 
 use super::queue::{Item, LeftOut, Outlet};
 use super::times::Times;
