@@ -61,6 +61,11 @@ enum End {
         /// Folder of the keys [default: ~/.config/tennis/<court>, if there].
         #[arg(long, value_name = "DIR")]
         keys: Option<PathBuf>,
+        /// PTP or chrony keeps the clocks of the day of this machine and its boards together, within
+        /// so many microseconds (1 sigma): used where messages do not tell better, and not where
+        /// they tell that it is not so.
+        #[arg(long, value_name = "US", value_parser = synced_us)]
+        synced_within_us: Option<f64>,
     },
     /// Tells boards what to do, and says how they are. Exit code 0: done; 1: not, with the reason.
     Command(cli::Flags),
@@ -115,6 +120,13 @@ fn main() -> ExitCode {
     })
 }
 
+/// A sigma: nothing is known to nothing, and a second is worse than any link.
+fn synced_us(word: &str) -> Result<f64, String> {
+    let us: f64 = word.parse().map_err(|_| "expected a number of microseconds".to_owned())?;
+    let is_right = (0.1..=1e6).contains(&us);
+    if is_right { Ok(us) } else { Err("expected 0.1 to 1000000 microseconds".to_owned()) }
+}
+
 fn place(end: &End) -> &'static str {
     match end {
         End::Board { camera, .. } => camera.name(),
@@ -155,12 +167,13 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
                 tracing::info!(sent = ?setting.seen.counts(), "bridge {camera} stopped");
             }
         }
-        End::Fusion { court, listen, connect, keys } => {
+        End::Fusion { court, listen, connect, keys, synced_within_us } => {
             let (listen, connect, keys) = (listen.clone(), connect.clone(), keys.clone());
             let options = Options { listen, connect, keys, ..Options::new(court, Role::Fusion) };
             let session = session::open(&options)?;
             let _relay = command::relay::serve(&session, court)?;
-            let received = inbound::run(&session, court, stop)?;
+            let received =
+                inbound::run(&session, court, synced_within_us.map(|us| us * 1e3), stop)?;
             // The relay's threads have the session, too, and may be waiting for a board.
             drop(session.close().wait());
             tracing::info!(?received, "bridge fusion stopped");

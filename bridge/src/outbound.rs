@@ -5,6 +5,7 @@
 //! for it drops, and the far end asks for it again. Pings are answered where they arrive; questions
 //! for what is missing have a thread of their own, for their answers may wait for the network.
 
+use crate::clock;
 use crate::command::seen::Seen;
 use crate::keys;
 use crate::presence::{self, Presence};
@@ -203,6 +204,7 @@ impl Archive {
         Pong {
             sent_ns: ping.sent_ns,
             received_ns,
+            day_minus_stamp_ns: clock::day_minus_stamp_ns(),
             session_id: self.session_id,
             oldest_idx: Stream::ALL.map(|stream| ring.oldest_idx(stream)),
             end_idx: Stream::ALL.map(|stream| ring.end_idx(stream)),

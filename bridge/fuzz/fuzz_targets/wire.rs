@@ -29,25 +29,13 @@ fuzz_target!(|data: &[u8]| {
         if let Ok(pong) = Pong::from_bytes(bytes) {
             assert_eq!(Pong::from_bytes(&pong.to_bytes()), Ok(pong));
         }
-        if let Ok(command) = Command::from_bytes(bytes) {
-            let again = Command::from_bytes(&command.to_bytes()).expect(READ);
-            assert_eq!(again.to_bytes(), command.to_bytes());
-        }
-        if let Ok(answer) = Answer::from_bytes(bytes) {
-            let again = Answer::from_bytes(&answer.to_bytes()).expect(READ);
-            assert_eq!(again.to_bytes(), answer.to_bytes());
-        }
-        if let Ok(health) = Health::from_bytes(bytes) {
-            let again = Health::from_bytes(&health.to_bytes()).expect(READ);
-            assert_eq!(again.to_bytes(), health.to_bytes());
-        }
         if let Ok(asked) = Missing::from_bytes(bytes) {
             assert_eq!(Missing::from_bytes(&asked.to_bytes()), Ok(asked));
         }
         if let Ok(command) = Command::from_bytes(bytes) {
             assert_eq!(Command::from_bytes(&command.to_bytes()), Ok(command));
         }
-        // By their bytes, too.
+        // By their bytes: a NaN is not equal to itself.
         if let Ok(answer) = Answer::from_bytes(bytes) {
             let sent = answer.to_bytes();
             assert_eq!(Answer::from_bytes(&sent).map(|again| again.to_bytes()), Ok(sent));
@@ -63,6 +51,5 @@ fn check_batch(batch: &Batch) {
     assert!(batch.messages.len() <= MAX_MESSAGES);
     let bytes = bytes_from_batch(batch);
     let again = batch_from_bytes(&bytes).expect(READ);
-    // By their bytes: a NaN is not equal to itself.
     assert_eq!(bytes_from_batch(&again), bytes);
 }

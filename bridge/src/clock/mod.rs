@@ -23,11 +23,17 @@
 //! be told by no exchange of messages: it is stated as a share of the quickest round trip. Shots
 //! find it: fusion fits the difference of the cameras' clocks to the ball.
 //!
+//! *Better clocks.* Where PTP or chrony keeps the machines' clocks of the day together, and the
+//! operator says how well, that is used if it is better than what messages tell (module `day`).
+//!
 //! Source: the four stamps of NTP (RFC 5905, section 8); the lines of Moon, Skelly and Towsley,
 //! "Estimation and removal of clock skew from network delay measurements" (INFOCOM 1999).
 
+mod day;
 mod lines;
 
+use day::Synced;
+pub use day::day_minus_stamp_ns;
 use lines::{Bound, Middle};
 use shm_layout::StampNs;
 use std::collections::VecDeque;
@@ -65,6 +71,8 @@ pub struct Exchange {
     pub answered_ns: StampNs,
     /// Pong came, our clock.
     pub returned_ns: StampNs,
+    /// How far the board's clock is ahead if both machines' clocks of the day are the same.
+    pub ahead_by_day_ns: i64,
 }
 
 impl Exchange {
@@ -110,9 +118,17 @@ impl Estimate {
 pub struct Clock {
     exchanges: VecDeque<Exchange>,
     estimate: Option<Estimate>,
+    synced: Option<Synced>,
 }
 
 impl Clock {
+    /// A clock nothing is known of. `synced_sigma_ns`: if something else keeps the machines' clocks
+    /// of the day together, how well, 1 sigma.
+    #[must_use]
+    pub fn new(synced_sigma_ns: Option<f64>) -> Self {
+        Self { synced: synced_sigma_ns.map(Synced::new), ..Self::default() }
+    }
+
     /// Takes an exchange in, in the order of their returns; false if its stamps cannot be.
     pub fn update(&mut self, exchange: Exchange) -> bool {
         if !exchange.is_possible() {
@@ -126,7 +142,9 @@ impl Clock {
             self.exchanges.pop_front();
         }
         if self.exchanges.len() >= N_FIRST {
-            self.estimate = Some(self.fitted(now_ns));
+            let fitted = self.fitted(now_ns);
+            let better = |synced: &mut Synced| synced.better(&fitted, exchange.ahead_by_day_ns);
+            self.estimate = Some(self.synced.as_mut().and_then(better).unwrap_or(fitted));
         }
         true
     }
@@ -135,6 +153,13 @@ impl Clock {
     #[must_use]
     pub fn estimate(&self) -> Option<Estimate> {
         self.estimate
+    }
+
+    /// How far the clocks of the day are apart (the board's is ahead if positive), if the last
+    /// exchange showed that they are not kept together as was said.
+    #[must_use]
+    pub fn newly_unsynced_ns(&mut self) -> Option<i64> {
+        self.synced.as_mut().and_then(Synced::newly_apart_ns)
     }
 
     fn fitted(&self, now_ns: StampNs) -> Estimate {
@@ -195,6 +220,7 @@ mod tests {
                 received_ns: board_from_here(received),
                 answered_ns: board_from_here(answered),
                 returned_ns: returned as i64,
+                ahead_by_day_ns: 0,
             }));
             if let Some(estimate) = clock.estimate().filter(|_| idx >= from_s * 20) {
                 let truth_ns = board_from_here(returned) - returned as i64;
@@ -269,7 +295,8 @@ mod tests {
     #[test]
     fn stamps_that_cannot_be_are_refused_and_change_nothing() {
         let mut clock = Clock::default();
-        let good = Exchange { sent_ns: 0, received_ns: 50, answered_ns: 60, returned_ns: 100 };
+        let [sent_ns, received_ns, answered_ns, returned_ns] = [0, 50, 60, 100];
+        let good = Exchange { sent_ns, received_ns, answered_ns, returned_ns, ahead_by_day_ns: 0 };
         for bad in [
             Exchange { returned_ns: -1, ..good },
             Exchange { answered_ns: 40, ..good },

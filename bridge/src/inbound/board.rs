@@ -39,6 +39,7 @@ struct Asked {
 #[derive(Debug)]
 pub struct Board {
     camera: Camera,
+    synced_sigma_ns: Option<f64>,
     /// Whose run is heard, and when it was heard last.
     heard: Option<(u64, StampNs)>,
     orders: [Order; N_STREAMS],
@@ -57,11 +58,12 @@ pub struct Board {
 }
 
 impl Board {
-    /// A board nothing was heard of.
+    /// A board nothing was heard of. `synced_sigma_ns`: see [`Clock::new`].
     #[must_use]
-    pub fn new(camera: Camera) -> Self {
+    pub fn new(camera: Camera, synced_sigma_ns: Option<f64>) -> Self {
         Self {
             camera,
+            synced_sigma_ns,
             heard: None,
             orders: Default::default(),
             end_idx: [0; N_STREAMS],
@@ -69,7 +71,7 @@ impl Board {
             has_joined: false,
             wanted_from_idx: [0; N_STREAMS],
             asked: [Asked::default(); N_STREAMS],
-            clock: Clock::default(),
+            clock: Clock::new(synced_sigma_ns),
             waiting: Vec::new(),
             n_refused: 0,
             n_unwaited: 0,
@@ -89,15 +91,31 @@ impl Board {
         self.passed(batches)
     }
 
-    /// Takes a pong in; gives out messages that waited for it.
-    pub fn take_pong(&mut self, pong: &Pong, returned_ns: StampNs) -> Vec<Message> {
+    /// Takes a pong in; gives out messages that waited for it. `day_minus_stamp_ns` is this
+    /// machine's.
+    pub fn take_pong(
+        &mut self,
+        pong: &Pong,
+        returned_ns: StampNs,
+        day_minus_stamp_ns: i64,
+    ) -> Vec<Message> {
         if !self.is_heard(pong.session_id, returned_ns) {
             return Vec::new();
         }
         let Pong { sent_ns, received_ns, answered_ns, .. } = *pong;
-        if !self.clock.update(Exchange { sent_ns, received_ns, answered_ns, returned_ns }) {
+        let ahead_by_day_ns = day_minus_stamp_ns.saturating_sub(pong.day_minus_stamp_ns);
+        let exchange = Exchange { sent_ns, received_ns, answered_ns, returned_ns, ahead_by_day_ns };
+        if !self.clock.update(exchange) {
             self.refuse("a pong's stamps cannot be");
             return Vec::new();
+        }
+        if let Some(away_ns) = self.clock.newly_unsynced_ns() {
+            let away_ms = away_ns as f64 * 1e-6;
+            tracing::error!(
+                "the {} board's clock of the day is {away_ms:.3} ms ahead of this machine's: they \
+                 are not kept together as --synced-within-us says, and not used",
+                self.camera
+            );
         }
         let mut batches = Vec::new();
         for stream in Stream::ALL {
@@ -229,7 +247,7 @@ impl Board {
             before => {
                 if before.is_some_and(|(heard_id, _)| heard_id != session_id) {
                     if !before.is_some_and(|(id, _)| run::is_same_board(id, session_id)) {
-                        self.clock = Clock::default();
+                        self.clock = Clock::new(self.synced_sigma_ns);
                     }
                     self.end_idx = [0; N_STREAMS];
                     self.oldest_idx = [None; N_STREAMS];
@@ -298,15 +316,24 @@ mod tests {
             let received_ns = sent_ns + 100_000 + AHEAD_NS;
             let (oldest_idx, end_idx) = ([oldest_idx; N_STREAMS], [end_idx; N_STREAMS]);
             let answered_ns = received_ns;
-            let pong = Pong { sent_ns, received_ns, answered_ns, session_id, oldest_idx, end_idx };
-            messages.extend(board.take_pong(&pong, sent_ns + 200_000));
+            let day_minus_stamp_ns = -AHEAD_NS;
+            let pong = Pong {
+                sent_ns,
+                received_ns,
+                answered_ns,
+                day_minus_stamp_ns,
+                session_id,
+                oldest_idx,
+                end_idx,
+            };
+            messages.extend(board.take_pong(&pong, sent_ns + 200_000, 0));
         }
         messages
     }
 
     #[test]
     fn messages_wait_for_the_clock_and_come_out_on_ours() {
-        let mut board = Board::new(Camera::Left);
+        let mut board = Board::new(Camera::Left, None);
         let messages = vec![info(0, 0), info(1, OWN_CLOCK)];
         assert!(board.take_batch(Stream::FramesInfo, batch(7, 0, messages), 0).is_empty());
         let messages = know_the_clock(&mut board, 7, 1);
@@ -325,7 +352,7 @@ mod tests {
 
     #[test]
     fn a_batch_that_only_a_pong_tells_of_is_asked_for_and_once_at_a_time() {
-        let mut board = Board::new(Camera::Left);
+        let mut board = Board::new(Camera::Left, None);
         know_the_clock(&mut board, 7, 3);
         let questions = board.questions(1_000_000_000);
         assert_eq!(questions.len(), 2);
@@ -338,7 +365,7 @@ mod tests {
 
     #[test]
     fn who_joins_late_asks_once_for_what_the_board_no_longer_has() {
-        let mut board = Board::new(Camera::Left);
+        let mut board = Board::new(Camera::Left, None);
         let newest = batch(7, 5000, vec![info(5000, 0)]);
         assert!(board.take_batch(Stream::FramesInfo, newest, 0).is_empty());
         assert!(know_the_clock_of(&mut board, 7, 1, 5001).is_empty());
@@ -349,15 +376,24 @@ mod tests {
         let (sent_ns, answered_ns) = (550_000_000, 550_100_000 + AHEAD_NS);
         let (oldest_idx, end_idx) = ([5000; N_STREAMS], [5001; N_STREAMS]);
         let received_ns = answered_ns;
-        let pong = Pong { sent_ns, received_ns, answered_ns, session_id: 7, oldest_idx, end_idx };
-        assert!(board.take_pong(&pong, sent_ns + 200_000).is_empty());
+        let day_minus_stamp_ns = -AHEAD_NS;
+        let pong = Pong {
+            sent_ns,
+            received_ns,
+            answered_ns,
+            day_minus_stamp_ns,
+            session_id: 7,
+            oldest_idx,
+            end_idx,
+        };
+        assert!(board.take_pong(&pong, sent_ns + 200_000, 0).is_empty());
         let messages = board.note_answered(Stream::FramesInfo);
         assert_eq!((messages.len(), board.link(true, 0).n_lost), (1, 0));
     }
 
     #[test]
     fn the_next_run_of_a_board_takes_over_at_once_with_its_clock() {
-        let mut board = Board::new(Camera::Left);
+        let mut board = Board::new(Camera::Left, None);
         know_the_clock(&mut board, 7, 0);
         let sigma_ns = board.clock_sigma_ns();
         let now_ns = 500_000_000;
@@ -369,7 +405,7 @@ mod tests {
 
     #[test]
     fn a_second_board_of_the_same_camera_is_not_heard_while_the_first_is() {
-        let mut board = Board::new(Camera::Left);
+        let mut board = Board::new(Camera::Left, None);
         know_the_clock(&mut board, 7, 0);
         let strip = || Message::Candidates(Box::default());
         let now_ns = 1_000_000_000;

@@ -8,6 +8,7 @@
 mod board;
 mod translated;
 
+use crate::clock;
 use crate::keys;
 use crate::launcher::{Exchange, Passed};
 use crate::presence::{self, Presence};
@@ -102,11 +103,17 @@ impl Inbox {
     }
 }
 
-/// Moves messages from the network to fusion until stopped.
+/// Moves messages from the network to fusion until stopped. `synced_sigma_ns`: if PTP or chrony
+/// keeps the machines' clocks of the day together, how well, 1 sigma.
 ///
 /// # Errors
 /// When shared memory or the network cannot be had.
-pub fn run(session: &Session, court: &str, stop: &Stop) -> Result<Received, Error> {
+pub fn run(
+    session: &Session,
+    court: &str,
+    synced_sigma_ns: Option<f64>,
+    stop: &Stop,
+) -> Result<Received, Error> {
     let member = Domain::new(court, Place::Fusion)?.join("bridge")?;
     let memory = Memory::open(&member)?;
     // Boards start when somebody listens here, so nobody does before fusion reads.
@@ -120,8 +127,8 @@ pub fn run(session: &Session, court: &str, stop: &Stop) -> Result<Received, Erro
     let inbox = Inbox { news: to_us, n_overflowed: Arc::default() };
     let n_overflowed = Arc::clone(&inbox.n_overflowed);
     let sides = [
-        Side::open(session, court, Camera::Left, &inbox)?,
-        Side::open(session, court, Camera::Right, &inbox)?,
+        Side::open(session, court, Camera::Left, synced_sigma_ns, &inbox)?,
+        Side::open(session, court, Camera::Right, synced_sigma_ns, &inbox)?,
     ];
     let shots = session
         .declare_publisher(keys::shot(court)?)
@@ -186,7 +193,8 @@ impl Inbound<'_> {
                 self.sides[camera.idx()].board.take_batch(stream, batch, now_ns())
             }
             News::Pong(camera, pong, returned_ns) => {
-                self.sides[camera.idx()].board.take_pong(&pong, returned_ns)
+                let here_ns = clock::day_minus_stamp_ns();
+                self.sides[camera.idx()].board.take_pong(&pong, returned_ns, here_ns)
             }
             News::Answered(camera, stream) => {
                 tracing::debug!("the {camera} board has answered for {}", stream.name());
@@ -221,6 +229,7 @@ impl<'a> Side<'a> {
         session: &'a Session,
         court: &str,
         camera: Camera,
+        synced_sigma_ns: Option<f64>,
         inbox: &Inbox,
     ) -> Result<Self, Error> {
         let subscribe = |what: &str, take: Box<dyn Fn(&Sample) + Send + Sync>| {
@@ -255,7 +264,7 @@ impl<'a> Side<'a> {
             camera,
             court: court.to_owned(),
             session,
-            board: Board::new(camera),
+            board: Board::new(camera, synced_sigma_ns),
             _presence: Presence::watch(session, court, Place::Board(camera))?,
             pings,
             pinged_ns: 0,

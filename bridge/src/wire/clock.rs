@@ -26,6 +26,8 @@ pub struct Pong {
     pub received_ns: StampNs,
     /// When this left, on the board's clock.
     pub answered_ns: StampNs,
+    /// What the board's clock of the day is ahead of that of its stamps.
+    pub day_minus_stamp_ns: i64,
     /// Which run of the board's bridge this is.
     pub session_id: u64,
     /// The oldest batch of each stream that the board still has: what is before it is lost.
@@ -73,11 +75,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_pong_comes_back_as_it_was(stamps in any::<[i64; 3]>(), counts in any::<[u64; 5]>()) {
+        fn a_pong_comes_back_as_it_was(stamps in any::<[i64; 4]>(), counts in any::<[u64; 5]>()) {
             let pong = Pong {
                 sent_ns: stamps[0],
                 received_ns: stamps[1],
                 answered_ns: stamps[2],
+                day_minus_stamp_ns: stamps[3],
                 session_id: counts[0],
                 oldest_idx: [counts[1], counts[2]],
                 end_idx: [counts[3], counts[4]],

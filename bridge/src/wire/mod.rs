@@ -22,7 +22,7 @@ use bincode::{Decode, Encode};
 
 /// Version of this folder's layouts; the two ends must agree. It is part of the key by which each
 /// end says that it is there, and stands before every payload.
-pub const VERSION: u16 = 6;
+pub const VERSION: u16 = 7;
 
 /// What a board sends without being asked, each with its own numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

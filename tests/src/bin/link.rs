@@ -59,6 +59,10 @@ struct Flags {
     /// Boards are not told where fusion is.
     #[arg(long, conflicts_with = "loopback")]
     discovery: bool,
+    /// The bridge beside fusion is told that clocks of the day are kept together so well, µs: those
+    /// of hosts on one machine are the same.
+    #[arg(long, value_name = "US", conflicts_with = "loopback")]
+    synced_within_us: Option<f64>,
     /// Same seed, same weather.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -109,6 +113,6 @@ fn options_of(flags: &Flags) -> anyhow::Result<Options> {
     let least =
         cut.as_ref().map_or(Duration::ZERO, |cut| cut.after + cut.lasts + Duration::from_secs(8));
     let play = s(flags.seconds)?.max(least);
-    let Flags { tls, discovery, seed, .. } = *flags;
-    Ok(Options { network, play, cut, tls, discovery, seed })
+    let Flags { tls, discovery, seed, synced_within_us, .. } = *flags;
+    Ok(Options { network, play, cut, tls, discovery, synced_within_us, seed })
 }

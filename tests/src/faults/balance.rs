@@ -2,7 +2,7 @@
 
 use super::campaign::{Fault, Told};
 use super::report::Inputs;
-use super::served::{BallKey, Flown, Held};
+use super::served::{BallKey, Flown, Held, Miss};
 use crate::accuracy::figures::{mean, quantile};
 use serde::Serialize;
 use shm_layout::StampNs;
@@ -69,8 +69,9 @@ pub fn balls_from(served: &[Flown], told: &[Told], faults: &[Fault]) -> Balls {
                 off_m.push(off);
                 after_ms.push(shot.after_ms);
             }
-            Held::Wrong(key, off) => {
-                balls.wrong.push(format!("{}: off by {:.1} mm", of(key), off * 1e3));
+            Held::Wrong(key, miss) => {
+                let flown = served.iter().find(|flown| flown.key == key);
+                balls.wrong.push(format!("{}: {}", of(key), wrong_words(miss, flown, faults)));
             }
             Held::WithoutBounce => balls.n_without_bounce += 1,
             Held::Invented => balls.wrong.push("a shot that nobody served".to_owned()),
@@ -91,13 +92,37 @@ pub fn balls_from(served: &[Flown], told: &[Told], faults: &[Fault]) -> Balls {
     balls
 }
 
+/// By how much a shot was wrong, and what was done while its ball flew.
+fn wrong_words(miss: Miss, flown: Option<&Flown>, faults: &[Fault]) -> String {
+    let [x, y] = miss.off_m.map(|off| off * 1e3);
+    let [sigma_x, sigma_y] = miss.sigma_m.map(|sigma| sigma * 1e3);
+    let meanwhile = faults.iter().filter(|fault| flown.is_some_and(|flown| met(fault, flown)));
+    let meanwhile = meanwhile.map(|fault| {
+        let after_ms = flown.map_or(0, |flown| (fault.at_ns - flown.launched_ns) / 1_000_000);
+        let (part, kind, for_ms) = (fault.part, fault.kind, fault.recovery_ms());
+        format!("{part} {kind:?} {after_ms} ms after the launch, for {for_ms:.0} ms")
+    });
+    let meanwhile: Vec<String> = meanwhile.collect();
+    let meanwhile = match meanwhile.is_empty() {
+        true => "nothing was done".to_owned(),
+        false => meanwhile.join(", "),
+    };
+    format!(
+        "off by {x:.1}, {y:.1} mm (stated {sigma_x:.1}, {sigma_y:.1}), {:.1} squared sigmas; \
+         {meanwhile}",
+        miss.squared_sigmas
+    )
+}
+
 fn is_explained(flown: &Flown, faults: &[Fault]) -> bool {
+    faults.iter().any(|fault| fault.part.is_needed_for_shots() && met(fault, flown))
+}
+
+/// Whether a ball may have been lost by a fault.
+fn met(fault: &Fault, flown: &Flown) -> bool {
     let until_ns = flown.bounced_ns.unwrap_or(flown.launched_ns);
-    faults.iter().any(|fault| {
-        fault.part.is_needed_for_shots()
-            && fault.at_ns - BEFORE_NS < until_ns + AFTERWARDS_NS
-            && fault.recovered_ns + AFTERWARDS_NS > flown.launched_ns
-    })
+    fault.at_ns - BEFORE_NS < until_ns + AFTERWARDS_NS
+        && fault.recovered_ns + AFTERWARDS_NS > flown.launched_ns
 }
 
 /// Draws the balance of frames.

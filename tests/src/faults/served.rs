@@ -33,13 +33,24 @@ pub struct Flown {
     pub bounced_ns: Option<StampNs>,
 }
 
+/// How a shot missed the truth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Miss {
+    /// Found minus true, across and along the court, m.
+    pub off_m: [f64; 2],
+    /// What the shot said of its error, 1 sigma, m.
+    pub sigma_m: [f64; 2],
+    /// Squared distance in sigmas, of both together.
+    pub squared_sigmas: f64,
+}
+
 /// What a shot is, held against the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Held {
     /// A ball, within its own 99.9 % ellipse: how far off (m).
     Right(BallKey, f64),
     /// A ball, outside of it.
-    Wrong(BallKey, f64),
+    Wrong(BallKey, Miss),
     /// A ball whose bounce was not measured, and nothing was said of it.
     WithoutBounce,
     /// No ball bounced then.
@@ -104,12 +115,12 @@ impl Served {
         let determinant = xx * yy - xy * xy;
         let squared = (yy * off[0] * off[0] - 2.0 * xy * off[0] * off[1] + xx * off[1] * off[1])
             / determinant;
-        let off_m = off[0].hypot(off[1]);
         // Not a number is no honest ellipse.
-        match squared <= ONE_IN_A_THOUSAND {
-            true => Held::Right(flown.key, off_m),
-            false => Held::Wrong(flown.key, off_m),
+        if squared <= ONE_IN_A_THOUSAND {
+            return Held::Right(flown.key, off[0].hypot(off[1]));
         }
+        let sigma_m = [xx.sqrt(), yy.sqrt()];
+        Held::Wrong(flown.key, Miss { off_m: off, sigma_m, squared_sigmas: squared })
     }
 }
 
@@ -136,7 +147,9 @@ mod tests {
             served.held(&shot(1, bounce_ns, [at.x, at.y + off_m, at.z]))
         };
         assert!(matches!(held(1_000_000, 0.007), Held::Right(key, _) if key == flown.key));
-        assert!(matches!(held(0, 0.008), Held::Wrong(key, _) if key == flown.key));
+        let Held::Wrong(key, miss) = held(0, 0.008) else { panic!("4 sigmas off") };
+        assert_eq!((key, miss.sigma_m), (flown.key, [0.001, 0.002]));
+        assert!((miss.squared_sigmas - 16.0).abs() < 1e-6, "{miss:?}");
         assert_eq!(held(-400_000_000, 0.0), Held::Invented);
         assert!(matches!(held(0, f64::NAN), Held::Wrong(..)));
         assert_eq!(served.held(&shot(0, 0, [f64::NAN; 3])), Held::WithoutBounce);

@@ -47,6 +47,7 @@ pub struct Arrangement {
     /// Where the bridges meet; `None`: they find each other.
     endpoint: Option<String>,
     keys: Option<TempDir>,
+    synced_within_us: Option<f64>,
 }
 
 /// Memory of each process that is really there (VmRSS), as it was at some moments.
@@ -87,7 +88,8 @@ impl Arrangement {
             None => free_endpoint()?,
         };
         let endpoint = (!options.discovery).then_some(endpoint);
-        Ok(Self { house, hosts, endpoint, keys })
+        let synced_within_us = options.synced_within_us;
+        Ok(Self { house, hosts, endpoint, keys, synced_within_us })
     }
 
     /// Starts the bridges, fusion's first.
@@ -95,7 +97,10 @@ impl Arrangement {
     /// # Errors
     /// When one cannot be started.
     pub fn start_bridges(&mut self) -> Result<(), Error> {
-        self.start("fusion", &["fusion"], "--listen")?;
+        let synced = self.synced_within_us.map(|us| us.to_string());
+        let synced = synced.iter().flat_map(|us| ["--synced-within-us", us.as_str()]);
+        let fusion: Vec<&str> = ["fusion"].into_iter().chain(synced).collect();
+        self.start("fusion", &fusion, "--listen")?;
         for camera in Camera::BOTH {
             self.start(camera.name(), &["board", "--camera", camera.name()], "--connect")?;
         }

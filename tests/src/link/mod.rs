@@ -94,6 +94,8 @@ pub struct Options {
     pub tls: bool,
     /// Whether boards find fusion by themselves instead of being told its address.
     pub discovery: bool,
+    /// How well clocks of the day are kept together, as the bridge beside fusion is told.
+    pub synced_within_us: Option<f64>,
     /// The weather's.
     pub seed: u64,
 }
