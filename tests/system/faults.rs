@@ -20,9 +20,9 @@ use tests::faults::site::{KEPT, Site, SiteOptions};
 use tests::faults::spoiled::Spoiled;
 
 /// What was asked for is there within this, on a machine that does other tests meanwhile.
-const WITHIN: Duration = Duration::from_secs(20);
+pub(crate) const WITHIN: Duration = Duration::from_secs(20);
 
-fn site(n_shots: usize) -> (tempfile::TempDir, Site) {
+pub(crate) fn site(n_shots: usize) -> (tempfile::TempDir, Site) {
     spoiled_site(n_shots, Vec::new())
 }
 
@@ -38,14 +38,14 @@ fn site_in(folder: &Path, n_shots: usize, spoiled: Vec<(Range<u64>, Spoiled)>) -
 }
 
 /// Frames of both cameras come to fusion that were captured after this moment.
-fn goes_on(site: &Site) {
+pub(crate) fn goes_on(site: &Site) {
     let now_ns = shm_layout::stamp::now_ns();
     let come = || site.at_fusion.seen().last.iter().all(|last| last.published_ns > now_ns);
     site.wait_until("frames of both cameras", WITHIN, come).unwrap();
 }
 
 /// Ends all, and nothing is left behind.
-fn end(site: Site) -> [String; 2] {
+pub(crate) fn end(site: Site) -> [String; 2] {
     let (ends, left) = site.end().unwrap();
     assert_eq!(left, Vec::<String>::new());
     ends.map(|end| {

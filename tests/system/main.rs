@@ -17,6 +17,7 @@ mod labelling; // a person's labels, over HTTP, in the file
 mod latency; // how long every stage takes is heard in full
 mod link; // candidates and clocks over a network that is as bad as asked
 mod page; // the coach's page: a drill over HTTP, its balls, and a kill -9
+mod pressure; // a board short of memory
 mod recording; // recorded shots, a killed recorder, and playing them again
 mod refusals; // bad input: named, with its place, and nothing left behind
 mod residents; // processes that are killed, and Ctrl-C
