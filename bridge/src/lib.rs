@@ -19,6 +19,7 @@
 #![forbid(unsafe_code)]
 
 pub mod access;
+mod askers;
 pub mod clock;
 pub mod command;
 pub mod discovery;

@@ -5,6 +5,7 @@
 //! for it drops, and the far end asks for it again. Pings are answered where they arrive; questions
 //! for what is missing have a thread of their own, for their answers may wait for the network.
 
+use crate::askers::Askers;
 use crate::clock;
 use crate::command::seen::Seen;
 use crate::keys;
@@ -64,6 +65,7 @@ pub enum Ended {
 struct Archive {
     session_id: u64,
     ring: Arc<Mutex<Ring>>,
+    askers: Arc<Mutex<Askers>>,
     /// When fusion pinged last.
     pinged_ns: Arc<AtomicI64>,
     /// What it knows of this board's clock.
@@ -114,7 +116,8 @@ impl Outbound {
     pub fn new(court: &str, camera: Camera, seen: Arc<Seen>) -> Self {
         let (ring, pinged_ns) = (Arc::default(), Arc::default());
         let clock_sigma_ns = Arc::new(AtomicU32::new(OWN_CLOCK));
-        let archive = Archive { session_id: run::id_now(), ring, pinged_ns, clock_sigma_ns };
+        let (session_id, askers) = (run::id_now(), Arc::default());
+        let archive = Archive { session_id, ring, askers, pinged_ns, clock_sigma_ns };
         Self { court: court.to_owned(), camera, archive, memory: None, seen }
     }
 
@@ -201,12 +204,13 @@ impl Archive {
 
     fn pong(&self, ping: Ping, received_ns: StampNs) -> Pong {
         let ring = self.ring();
+        let mut askers = self.askers.lock().expect("nothing among the askers panics");
         Pong {
             sent_ns: ping.sent_ns,
             received_ns,
             day_minus_stamp_ns: clock::day_minus_stamp_ns(),
             session_id: self.session_id,
-            oldest_idx: Stream::ALL.map(|stream| ring.oldest_idx(stream)),
+            oldest_idx: askers.oldest_for(ping.asker_id, &ring, received_ns),
             end_idx: Stream::ALL.map(|stream| ring.end_idx(stream)),
             answered_ns: now_ns(),
         }

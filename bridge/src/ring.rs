@@ -55,6 +55,13 @@ impl Ring {
         self.end_idx(stream) - self.kept[stream.idx()].len() as u64
     }
 
+    /// Number of the first batch of a stream that was sent at that time or later.
+    #[must_use]
+    pub fn first_since(&self, stream: Stream, since_ns: StampNs) -> u64 {
+        let kept = &self.kept[stream.idx()];
+        self.oldest_idx(stream) + kept.partition_point(|kept| kept.sent_ns < since_ns) as u64
+    }
+
     /// Those of the batches `first_idx..end_idx` that are still here.
     pub fn range(
         &self,
@@ -108,6 +115,9 @@ mod tests {
             let at_ns = idx as i64 * SECOND_NS / 2;
             assert_eq!(ring.push(Stream::Candidates, at_ns, bytes(idx, 3)), idx);
         }
+        let since = |since_ns| ring.first_since(Stream::Candidates, since_ns);
+        assert_eq!([since(0), since(48 * SECOND_NS - 1), since(i64::MAX)], [79, 96, 100]);
+        assert_eq!(ring.first_since(Stream::FramesInfo, 0), 0);
         assert_eq!(
             (ring.oldest_idx(Stream::Candidates), ring.end_idx(Stream::Candidates)),
             (79, 100)

@@ -21,10 +21,6 @@ const ANSWER_WITHIN_NS: i64 = 3_000_000_000;
 /// Pause between two questions for what is missing.
 const ASK_EVERY_NS: i64 = 50_000_000;
 
-/// Of what a running board has kept, whoever joins asks for this part, 2 s: what may be in the air.
-/// The whole would have to be read before anything new is (1.5 s, measured).
-const JOINED_SHARE: f64 = 0.2;
-
 /// Most messages that wait for the clock to be known: 10 s of a board with eight workers.
 const MAX_WAITING: usize = 8192;
 
@@ -45,11 +41,8 @@ pub struct Board {
     orders: [Order; N_STREAMS],
     /// How far each stream had come at the last pong: what is missing then is really missing.
     end_idx: [u64; N_STREAMS],
-    /// The oldest batch of each stream that the board had at the last pong.
+    /// The oldest batch of each stream that could be had at the last pong.
     oldest_idx: [Option<u64>; N_STREAMS],
-    /// Whether it is known from where on batches are wanted, and from where.
-    has_joined: bool,
-    wanted_from_idx: [u64; N_STREAMS],
     asked: [Asked; N_STREAMS],
     clock: Clock,
     waiting: Vec<Message>,
@@ -68,8 +61,6 @@ impl Board {
             orders: Default::default(),
             end_idx: [0; N_STREAMS],
             oldest_idx: [None; N_STREAMS],
-            has_joined: false,
-            wanted_from_idx: [0; N_STREAMS],
             asked: [Asked::default(); N_STREAMS],
             clock: Clock::new(synced_sigma_ns),
             waiting: Vec::new(),
@@ -122,20 +113,12 @@ impl Board {
             let idx = stream.idx();
             // What was sent just before this pong may still arrive after it.
             self.orders[idx].note_end(pong.session_id, self.end_idx[idx]);
-            let (oldest_idx, end_idx) = (pong.oldest_idx[idx], pong.end_idx[idx]);
-            // A board that still has its first batch has begun just now: all of it is wanted.
-            if !self.has_joined && oldest_idx > 0 {
-                let n_kept = end_idx.saturating_sub(oldest_idx);
-                let n_wanted = (n_kept as f64 * JOINED_SHARE).ceil() as u64;
-                self.wanted_from_idx[idx] = end_idx.saturating_sub(n_wanted);
-            }
-            self.end_idx[idx] = end_idx;
-            self.oldest_idx[idx] = Some(oldest_idx.max(self.wanted_from_idx[idx]));
+            self.end_idx[idx] = pong.end_idx[idx];
+            self.oldest_idx[idx] = Some(pong.oldest_idx[idx]);
             if !self.asked[idx].is_open {
                 batches.extend(self.given_up(stream));
             }
         }
-        self.has_joined = true;
         self.passed(batches)
     }
 
@@ -251,7 +234,6 @@ impl Board {
                     }
                     self.end_idx = [0; N_STREAMS];
                     self.oldest_idx = [None; N_STREAMS];
-                    self.wanted_from_idx = [0; N_STREAMS];
                     self.asked = [Asked::default(); N_STREAMS];
                 }
                 self.heard = Some((session_id, now_ns));
@@ -310,25 +292,21 @@ mod tests {
         oldest_idx: u64,
         end_idx: u64,
     ) -> Vec<Message> {
-        let mut messages = Vec::new();
-        for k in 0..10 {
-            let sent_ns = k * 50_000_000;
-            let received_ns = sent_ns + 100_000 + AHEAD_NS;
-            let (oldest_idx, end_idx) = ([oldest_idx; N_STREAMS], [end_idx; N_STREAMS]);
-            let answered_ns = received_ns;
-            let day_minus_stamp_ns = -AHEAD_NS;
-            let pong = Pong {
-                sent_ns,
-                received_ns,
-                answered_ns,
-                day_minus_stamp_ns,
-                session_id,
-                oldest_idx,
-                end_idx,
-            };
-            messages.extend(board.take_pong(&pong, sent_ns + 200_000, 0));
+        let pongs = (0..10).map(|k| pong(k * 50_000_000, session_id, oldest_idx, end_idx));
+        pongs.flat_map(|pong| board.take_pong(&pong, pong.sent_ns + 200_000, 0)).collect()
+    }
+
+    fn pong(sent_ns: StampNs, session_id: u64, oldest_idx: u64, end_idx: u64) -> Pong {
+        let received_ns = sent_ns + 100_000 + AHEAD_NS;
+        Pong {
+            sent_ns,
+            received_ns,
+            answered_ns: received_ns,
+            day_minus_stamp_ns: -AHEAD_NS,
+            session_id,
+            oldest_idx: [oldest_idx; N_STREAMS],
+            end_idx: [end_idx; N_STREAMS],
         }
-        messages
     }
 
     #[test]
@@ -368,25 +346,12 @@ mod tests {
         let mut board = Board::new(Camera::Left, None);
         let newest = batch(7, 5000, vec![info(5000, 0)]);
         assert!(board.take_batch(Stream::FramesInfo, newest, 0).is_empty());
-        assert!(know_the_clock_of(&mut board, 7, 1, 5001).is_empty());
-        // The last part of what it has.
+        assert!(know_the_clock_of(&mut board, 7, 4001, 5001).is_empty());
         let asked = board.questions(500_000_001);
         assert_eq!(asked.iter().map(|missing| missing.first_idx).collect::<Vec<u64>>(), [4001; 2]);
         // The pong comes while the answer is on its way, as it does if one is always asked for.
-        let (sent_ns, answered_ns) = (550_000_000, 550_100_000 + AHEAD_NS);
-        let (oldest_idx, end_idx) = ([5000; N_STREAMS], [5001; N_STREAMS]);
-        let received_ns = answered_ns;
-        let day_minus_stamp_ns = -AHEAD_NS;
-        let pong = Pong {
-            sent_ns,
-            received_ns,
-            answered_ns,
-            day_minus_stamp_ns,
-            session_id: 7,
-            oldest_idx,
-            end_idx,
-        };
-        assert!(board.take_pong(&pong, sent_ns + 200_000, 0).is_empty());
+        let pong = pong(550_000_000, 7, 5000, 5001);
+        assert!(board.take_pong(&pong, pong.sent_ns + 200_000, 0).is_empty());
         let messages = board.note_answered(Stream::FramesInfo);
         assert_eq!((messages.len(), board.link(true, 0).n_lost), (1, 0));
     }

@@ -6,12 +6,14 @@
 //! way, as texts that nobody here reads.
 
 mod board;
+mod memory;
 mod translated;
 
 use crate::clock;
 use crate::keys;
 use crate::launcher::{Exchange, Passed};
 use crate::presence::{self, Presence};
+use crate::run;
 use crate::session::real_time_publisher;
 use crate::wire::Stream;
 use crate::wire::batch::{Batch, Message, batch_from_bytes};
@@ -20,12 +22,11 @@ use crate::wire::missing::Missing;
 use crate::{Error, network};
 use board::Board;
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, bounded};
-use shm_layout::ports::MessageWriter;
-use shm_layout::services::{Domain, Member, Place};
+use memory::Memory;
+use shm_layout::services::{Domain, Place};
 use shm_layout::stamp::{OWN_CLOCK, now_ns};
 use shm_layout::stop::Stop;
-use shm_layout::text::TextReader;
-use shm_layout::{Camera, FrameInfo, Link, StampNs, StripCandidates};
+use shm_layout::{Camera, Link, StampNs};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -44,19 +45,14 @@ const TICK: Duration = Duration::from_millis(5);
 /// A ping 20 times a second finds a quick exchange soon even on a busy link, for 3 kB/s.
 const PING_EVERY_NS: i64 = 50_000_000;
 
-/// Until a board's clock is known its messages wait: eight exchanges are there after 0.16 s.
-const FIRST_PINGS_EVERY_NS: i64 = 20_000_000;
+/// Until a board's clock is known its messages wait: eight exchanges are there after 0.08 s.
+const FIRST_PINGS_EVERY_NS: i64 = 10_000_000;
 
 /// How often links are told of.
 const TELL_EVERY_NS: i64 = 500_000_000;
 
 /// Longest a question for missing batches may take.
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
-
-/// Messages written to shared memory at once, and per millisecond after that: a backlog must not
-/// overwrite itself (its depth is 1024) before fusion has read it.
-const BURST: f64 = 512.0;
-const PER_MS: f64 = 5.0;
 
 /// What came in.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -218,6 +214,7 @@ struct Side<'a> {
     /// Says who comes and goes, and who speaks another version.
     _presence: Presence,
     pings: Publisher<'a>,
+    asker_id: u64,
     pinged_ns: StampNs,
     told_ns: StampNs,
     was_alive: bool,
@@ -267,6 +264,7 @@ impl<'a> Side<'a> {
             board: Board::new(camera, synced_sigma_ns),
             _presence: Presence::watch(session, court, Place::Board(camera))?,
             pings,
+            asker_id: run::id_now(),
             pinged_ns: 0,
             told_ns: 0,
             was_alive: false,
@@ -282,7 +280,8 @@ impl<'a> Side<'a> {
             self.pinged_ns = now_ns;
             // Whether or not its token is here: a board's older session may go last.
             // Stamped as late as can be. One that cannot be sent is one that did not arrive.
-            let ping = Ping { sent_ns: shm_layout::stamp::now_ns(), clock_sigma_ns };
+            let sent_ns = shm_layout::stamp::now_ns();
+            let ping = Ping { sent_ns, asker_id: self.asker_id, clock_sigma_ns };
             drop(self.pings.put(ping.to_bytes()).wait());
         }
     }
@@ -339,55 +338,6 @@ struct Answer {
 impl Drop for Answer {
     fn drop(&mut self) {
         self.inbox.put(News::Answered(self.camera, self.stream));
-    }
-}
-
-/// Fusion's shared memory.
-struct Memory {
-    infos: MessageWriter<FrameInfo>,
-    strips: MessageWriter<StripCandidates>,
-    links: MessageWriter<Link>,
-    shots: TextReader,
-    /// How many messages may be written now, and since when that is so.
-    allowance: f64,
-    since_ns: StampNs,
-}
-
-impl Memory {
-    fn open(member: &Member) -> Result<Self, Error> {
-        Ok(Self {
-            infos: member.frames_info()?.writer()?,
-            strips: member.candidates()?.writer()?,
-            links: member.links()?.writer()?,
-            shots: member.shots_json()?.reader()?,
-            allowance: BURST,
-            since_ns: now_ns(),
-        })
-    }
-
-    fn is_read(&self, member: &Member) -> Result<bool, Error> {
-        Ok(member.candidates()?.n_readers() > 0 && member.frames_info()?.n_readers() > 0)
-    }
-
-    fn write(&mut self, messages: Vec<Message>) -> Result<(), Error> {
-        for message in messages {
-            self.wait_for_room();
-            match message {
-                Message::FrameInfo(info) => self.infos.send(info)?,
-                Message::Candidates(strip) => self.strips.send(*strip)?,
-            };
-        }
-        Ok(())
-    }
-
-    fn wait_for_room(&mut self) {
-        let now_ns = now_ns();
-        let elapsed_ms = (now_ns - self.since_ns) as f64 * 1e-6;
-        self.allowance = (self.allowance + elapsed_ms * PER_MS).min(BURST) - 1.0;
-        self.since_ns = now_ns;
-        if self.allowance < 0.0 {
-            std::thread::sleep(Duration::from_millis(2));
-        }
     }
 }
 

@@ -12,6 +12,8 @@ const MAX_BYTES: usize = 256;
 pub struct Ping {
     /// When it was asked, on the asker's clock.
     pub sent_ns: StampNs,
+    /// Which run of the asker's bridge this is.
+    pub asker_id: u64,
     /// 1 sigma of the board's clock as the asker knows it by now;
     /// [`shm_layout::stamp::OWN_CLOCK`] while it does not.
     pub clock_sigma_ns: u32,
@@ -30,7 +32,8 @@ pub struct Pong {
     pub day_minus_stamp_ns: i64,
     /// Which run of the board's bridge this is.
     pub session_id: u64,
-    /// The oldest batch of each stream that the board still has: what is before it is lost.
+    /// The oldest batch of each stream that the asker may have: those before were lost, or sent
+    /// before it was there.
     pub oldest_idx: [u64; N_STREAMS],
     /// The one after the newest: a last batch that did not arrive is missed by this.
     pub end_idx: [u64; N_STREAMS],
@@ -89,8 +92,8 @@ mod tests {
         }
 
         #[test]
-        fn a_ping_comes_back_as_it_was(sent_ns in any::<i64>(), clock_sigma_ns in any::<u32>()) {
-            let ping = Ping { sent_ns, clock_sigma_ns };
+        fn a_ping_comes_back_as_it_was(sent_ns in any::<i64>(), asker_id in any::<u64>(), clock_sigma_ns in any::<u32>()) {
+            let ping = Ping { sent_ns, asker_id, clock_sigma_ns };
             prop_assert_eq!(Ping::from_bytes(&ping.to_bytes()), Ok(ping));
         }
 
