@@ -33,9 +33,10 @@ fn every_stage_of_every_frame_is_heard_and_none_is_lost() {
     let (frames, strips) = (drops.n_captured, 2 * drops.n_captured);
     assert_eq!(counts[..8], [frames, strips, strips, frames, frames, strips, strips, frames]);
     assert!(counts[8] >= 2, "a ball every three seconds, {} with a bounce", counts[8]);
+    assert_eq!(counts[9], counts[8], "every shot with a bounce is pushed to a browser");
     assert!(report.stages.iter().all(|stage| stage.took.p50_ns > 1), "a stage takes time");
     let names: Vec<&str> = report.usage.iter().map(|process| process.name.as_str()).collect();
-    assert_eq!(names.len(), 9, "{names:?}");
+    assert_eq!(names.len(), 10, "{names:?}");
     assert!(report.usage.iter().all(|process| process.private_mib > 0.5 && process.cores < 2.0));
 }
 

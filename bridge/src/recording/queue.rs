@@ -4,6 +4,7 @@
 //! room for is left out and counted: pixels first, for which there is room of their own, long
 //! before anything that a replay needs.
 
+use super::topics::Topic;
 use crate::wire::batch::Message;
 use crossbeam::channel::{Receiver, Sender, TrySendError, bounded};
 use shm_layout::{FrameInfo, Link, StampNs};
@@ -27,6 +28,8 @@ pub enum Item {
     Shot(String),
     /// How a board's link is.
     Link(Link),
+    /// JSON of the machine's side.
+    Machine(Topic, String),
 }
 
 /// What was left out.

@@ -6,8 +6,11 @@
 
 use super::files::{Series, Written};
 use super::queue::{self, Inlet, Item, LeftOut};
+use super::topics::Topic;
 use super::{Error, file};
+use crate::launcher::json;
 use crate::wire::batch::Message;
+use shm_layout::launcher::{LauncherAnswer, LauncherCommand};
 use shm_layout::ports::{Alarm, FrameReader, FrameService, MessageReader};
 use shm_layout::services::{Domain, Member, Place};
 use shm_layout::stamp::now_ns;
@@ -129,6 +132,7 @@ struct Memory {
     strips: MessageReader<StripCandidates>,
     shots: Option<TextReader>,
     links: Option<MessageReader<Link>>,
+    machine: Option<Machine>,
     frames: Option<Frames>,
 }
 
@@ -147,21 +151,23 @@ impl Memory {
             strips: candidates.reader()?,
             shots: is_fusion.then(|| member.shots_json()?.reader()).transpose()?,
             links: is_fusion.then(|| member.links()?.reader()).transpose()?,
+            machine: is_fusion.then(|| Machine::open(member)).transpose()?,
             frames,
         })
     }
 
     /// Reads what is there; how many things that were.
     fn read_once(&mut self, inlet: &Inlet) -> Result<u64, Error> {
-        // Shots are read first and put in last: so what they were measured from stands before
-        // them, wherever a killed recording ends.
+        // What came of something is read first and put in last: so shots stand behind what they
+        // were measured from, and corrections behind shots, wherever a killed recording ends.
+        let machine = self.machine.as_ref().map_or(Ok(Vec::new()), Machine::read)?;
         let mut shots = Vec::new();
         while let Some(reader) = &self.shots
             && let Some(text) = reader.receive()?
         {
             shots.push(text);
         }
-        let mut n = shots.len() as u64;
+        let mut n = (shots.len() + machine.len()) as u64;
         let mut put = |item: Item| {
             n += 1;
             inlet.put(now_ns(), item)
@@ -187,7 +193,44 @@ impl Memory {
         for text in shots {
             inlet.put(now_ns(), Item::Shot(text))?;
         }
+        for (topic, text) in machine {
+            inlet.put(now_ns(), Item::Machine(topic, text))?;
+        }
         Ok(n)
+    }
+}
+
+/// What goes on between fusion and the ball machine.
+struct Machine {
+    corrections: TextReader,
+    commands: MessageReader<LauncherCommand>,
+    answers: MessageReader<LauncherAnswer>,
+}
+
+impl Machine {
+    fn open(member: &Member) -> Result<Self, Error> {
+        Ok(Self {
+            corrections: member.corrections_json()?.reader()?,
+            commands: member.launcher_commands()?.reader()?,
+            answers: member.launcher_answers()?.reader()?,
+        })
+    }
+
+    /// What is there, as JSON. What no writer of ours sends is none.
+    fn read(&self) -> Result<Vec<(Topic, String)>, Error> {
+        let mut texts = Vec::new();
+        while let Some(text) = self.corrections.receive()? {
+            texts.push((Topic::Corrections, text));
+        }
+        while let Some(command) = self.commands.receive()? {
+            let text = json::text_from_command(&command);
+            texts.extend(text.map(|text| (Topic::LauncherCommands, text)));
+        }
+        while let Some(answer) = self.answers.receive()? {
+            let text = json::text_from_answer(&answer, now_ns());
+            texts.extend(text.map(|text| (Topic::LauncherAnswers, text)));
+        }
+        Ok(texts)
     }
 }
 

@@ -3,6 +3,7 @@
 use super::files::{Series, Written};
 use super::queue::{Item, LeftOut};
 use super::reader::{Entry, Recording, rig_from};
+use super::recorder::{self, Options};
 use super::replayer::{self, Speed};
 use super::times::Times;
 use super::writer::{Counts, Writer};
@@ -10,7 +11,11 @@ use super::{Error, queue};
 use crate::wire::batch::Message;
 use foxglove::Decode as _;
 use foxglove::messages::{ImageAnnotations, RawImage, SceneUpdate};
+use shm_layout::launcher::{
+    CommandKind, LauncherAnswer, LauncherCommand, LauncherState, Limits, Settings, Why,
+};
 use shm_layout::services::{Domain, Place};
+use shm_layout::stamp::now_ns;
 use shm_layout::stop::Stop;
 use shm_layout::{Camera, Candidate, FrameInfo, Link, StripCandidates, Taken};
 use std::collections::BTreeMap;
@@ -309,6 +314,68 @@ fn a_replay_is_never_faster_than_fusion_and_leaves_nothing_out() {
     assert_eq!(frames, (0..n_frames).flat_map(|idx| [idx; 2]).collect::<Vec<_>>());
     assert_eq!((replayed.n_infos, replayed.n_strips), (2 * n_frames, 2 * n_frames));
     assert_eq!(replayed.n_shots, n_frames / 10);
+    Domain::new(&court, Place::Fusion).unwrap().close().unwrap();
+}
+
+#[test]
+fn what_goes_on_between_fusion_and_the_machine_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let court = format!("machine-{}", std::process::id());
+    let member = Domain::new(&court, Place::Fusion).unwrap().join("test").unwrap();
+    let _readers = (
+        member.candidates().unwrap().reader().unwrap(),
+        member.frames_info().unwrap().reader().unwrap(),
+    );
+    let out = folder.path().join("a.mcap");
+    let options = Options {
+        court: court.clone(),
+        place: Place::Fusion,
+        with_frames: false,
+        lasting: None,
+        out: out.clone(),
+        each_lasts: Duration::from_secs(600),
+        rig: None,
+    };
+    let stop = Stop::on_signals(false).unwrap();
+    let recording = std::thread::spawn({
+        let stop = stop.clone();
+        move || recorder::run(&options, &stop).unwrap()
+    });
+    let answers = member.launcher_answers().unwrap();
+    while answers.n_readers() == 0 {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let settings = Settings::from_array([22.0, 0.16, 0.02, -30.0]);
+    let limits = Limits { min: settings, max: settings };
+    let (kind, command_idx, correction_idx) = (CommandKind::Fire.code(), 8, 41);
+    let (state, why, sent_ns, reserved) =
+        (LauncherState::Fired.code(), Why::Nothing.code(), now_ns(), 0);
+    // What was sent goes with its writer: they stay until it was read.
+    let corrections = member.corrections_json().unwrap().writer().unwrap();
+    let commands = member.launcher_commands().unwrap().writer().unwrap();
+    let answers = answers.writer().unwrap();
+    corrections.send(r#"{"schema":"correction/1","sentence":"as it was"}"#).unwrap();
+    commands
+        .send(LauncherCommand { command_idx, correction_idx, sent_ns, kind, reserved, settings })
+        .unwrap();
+    let at_ns = now_ns();
+    answers.send(LauncherAnswer { command_idx, at_ns, state, why, settings, limits }).unwrap();
+    stop.raise();
+    let counts = recording.join().unwrap().written.counts;
+    let bytes = std::fs::read(&out).unwrap();
+    for (topic, expected) in [
+        ("/corrections", "as it was"),
+        ("/launcher/commands", r#""correction_idx":41"#),
+        ("/launcher/answers", r#""state":"fired""#),
+    ] {
+        let of_topic = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+        let texts = of_topic.filter(|message| message.channel.topic == topic);
+        let texts: Vec<String> =
+            texts.map(|message| String::from_utf8(message.data.to_vec()).unwrap()).collect();
+        assert!(texts.len() == 1 && texts[0].contains(expected), "{topic}: {texts:?}");
+        assert_eq!(counts[topic], 1);
+    }
+    drop((corrections, commands, answers, member));
     Domain::new(&court, Place::Fusion).unwrap().close().unwrap();
 }
 

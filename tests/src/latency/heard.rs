@@ -78,6 +78,8 @@ pub struct Heard {
     pub progress: Vec<Progress>,
     /// In their order.
     pub shots: Vec<Bounced>,
+    /// Shots as a browser has them, in their order.
+    pub pushed: Vec<Bounced>,
     /// Messages beyond what is kept.
     pub n_left_out: u64,
 }

@@ -1,10 +1,12 @@
 //! The real processes on boards that are not there -> how long every stage takes.
 //!
-//! A [`heard::Listener`] reads along in shared memory and changes nothing; [`stages`] joins what it
+//! A [`heard::Listener`] reads along in shared memory and changes nothing, a [`browser`] watches the
+//! page; [`stages`] joins what it
 //! heard to a time for every stage, [`usage`] says what each process cost. Frames are due by the
 //! clock, whether or not those before them came in time, so a stall is seen by all it delayed.
 //! [`transport`] is the same frames through a pipe and a socket, beside shared memory.
 
+pub mod browser;
 pub mod heard;
 pub mod picture;
 pub mod report;
@@ -17,6 +19,7 @@ use crate::processes::{self, Household, Until, free_endpoint};
 use crate::scenario::{Scenario, ScenarioOptions};
 use crate::shot_folder;
 use anyhow::{Context as _, ensure};
+use browser::Browser;
 use clap::ValueEnum;
 use heard::Listener;
 use report::Report;
@@ -85,7 +88,18 @@ pub fn measure(options: &Options, stop: &Stop, mut say: impl FnMut(f64)) -> anyh
     for camera in Camera::BOTH {
         chain.start_board(&mut house, camera)?;
     }
+    let (data, address) = (tempfile::tempdir()?, free_endpoint()?.replace("tcp/", ""));
+    let arguments: [OsString; 6] = [
+        "--listen".into(),
+        (&address).into(),
+        "--data".into(),
+        data.path().into(),
+        "--rig".into(),
+        rig.path().into(),
+    ];
+    house.start("page", "page", &arguments, Until::Stopped, Stdio::null())?;
     let listener = Listener::new(&court)?;
+    let browser = Browser::open(&address)?;
     let arguments = simulate_arguments(options);
     house.start("simulate", "simulate", &arguments, Until::Stopped, Stdio::null())?;
 
@@ -97,7 +111,8 @@ pub fn measure(options: &Options, stop: &Stop, mut say: impl FnMut(f64)) -> anyh
     listener.end_window();
     let after = Usage::of(&house)?;
     rest(AFTERWARDS, &mut house, stop, |_| ())?;
-    let heard = listener.end()?;
+    let mut heard = listener.end()?;
+    heard.pushed = browser.end()?;
     house.stop()?;
     let exposed_for_ns = (scenario.exposed_for_s() * 1e9).round() as i64;
     let report = Report::new(options, &heard, exposed_for_ns, &after.since(&before));

@@ -112,6 +112,11 @@ pub fn from_heard(heard: &Heard, exposed_for_ns: StampNs) -> (Vec<Stage>, Drops)
     let bounces = heard.shots.iter().filter_map(|shot| {
         shot.bounce_ns.filter(|ns| is_in(*ns)).map(|bounce_ns| shot.arrived_ns - bounce_ns)
     });
+    let pushed = heard.pushed.iter().filter_map(|push| {
+        let bounce_ns = push.bounce_ns.filter(|ns| is_in(*ns))?;
+        let shot = heard.shots.iter().find(|shot| shot.bounce_ns == Some(bounce_ns))?;
+        Some(push.arrived_ns - shot.arrived_ns)
+    });
     let stage = |name, times: Vec<StampNs>| Stage { name, took: Latency::from_ns(times) };
     let of_frames = |name, time: fn(&FrameTimes) -> StampNs| {
         stage(name, complete.iter().map(|frame| time(frame)).collect())
@@ -129,6 +134,7 @@ pub fn from_heard(heard: &Heard, exposed_for_ns: StampNs) -> (Vec<Stage>, Drops)
         stage("in fusion's memory -> tracked", to_taken),
         stage("exposure end -> tracked by fusion", to_fusion.collect()),
         stage("bounce -> shot published", bounces.collect()),
+        stage("shot published -> in a browser", pushed.collect()),
     ];
     let n_unheard = unheard(frames.keys());
     let drops = Drops {
@@ -201,6 +207,10 @@ mod tests {
                 Bounced { bounce_ns: Some(30 * MS), arrived_ns: 50 * MS },
                 Bounced { bounce_ns: None, arrived_ns: 60 * MS },
             ],
+            pushed: vec![
+                Bounced { bounce_ns: Some(30 * MS), arrived_ns: 53 * MS },
+                Bounced { bounce_ns: None, arrived_ns: 63 * MS },
+            ],
             n_left_out: 0,
         }
     }
@@ -218,6 +228,7 @@ mod tests {
             (3, 1, 1),
             (2, 8, 8),
             (1, 20, 20),
+            (1, 3, 3),
         ];
         assert_eq!(stages.len(), expected_ms.len());
         for (stage, (n, median, most)) in stages.iter().zip(expected_ms) {
