@@ -61,9 +61,9 @@ enum End {
         /// Folder of the keys [default: ~/.config/tennis/<court>, if there].
         #[arg(long, value_name = "DIR")]
         keys: Option<PathBuf>,
-        /// PTP or chrony keeps the clocks of the day of this machine and its boards together, within
-        /// so many microseconds (1 sigma): used where messages do not tell better, and not where
-        /// they tell that it is not so.
+        /// PTP or chrony keeps the clocks of the day of this machine and its boards together,
+        /// within so many microseconds (1 sigma): used where messages do not tell better, and not
+        /// where they tell that it is not so.
         #[arg(long, value_name = "US", value_parser = synced_us)]
         synced_within_us: Option<f64>,
     },

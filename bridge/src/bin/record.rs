@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Records candidates, clocks, shots and corrections of a court to an MCAP file, which Foxglove and other
-/// viewers open and `track` measures again.
+/// Records candidates, clocks, shots and corrections of a court to an MCAP file, which Foxglove and
+/// other viewers open and `track` measures again.
 ///
 /// Ends with Ctrl-C or SIGTERM. A killed recorder's file lacks its last half second.
 #[derive(Debug, Parser)]

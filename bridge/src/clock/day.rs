@@ -1,10 +1,10 @@
 //! Clocks of the day that something else keeps together → how far a board's clock is ahead.
 //!
 //! PTP with hardware stamps keeps machines within a microsecond, chrony in a LAN within some tens
-//! (30, measured by others; a Pi 4 has no hardware stamps, a CM4, CM5 and Pi 5 have). Both steer the
-//! clock of the day, not that of stamps, which is never set; but how far the one is ahead of the
-//! other changes only when a clock is set, so each machine reads it off, and the difference of both
-//! is how far the board's stamps are ahead.
+//! (30, measured by others; a Pi 4 has no hardware stamps, a CM4, CM5 and Pi 5 have). Both steer
+//! the clock of the day, not that of stamps, which is never set; but how far the one is ahead of
+//! the other changes only when a clock is set, so each machine reads it off, and the difference of
+//! both is how far the board's stamps are ahead.
 //!
 //! Whether something steers the clocks, and how well, no machine knows of the other, and the kernel
 //! not even of itself (its error bound is 0 where `phc2sys` or `systemd-timesyncd` left it so). The
@@ -118,7 +118,7 @@ mod tests {
     fn both_clocks_of_this_machine_are_read_within_microseconds() {
         let [first, second] = [day_minus_stamp_ns(), day_minus_stamp_ns()];
         assert!(first > 0, "it is later than 1970: {first}");
-        // Steered by at most 500 ppm; a reading that was interrupted thrice is not one in a million.
+        // Steered by at most 500 ppm; three readings in a row that are interrupted are rare.
         assert!((first - second).abs() < 1_000_000, "{first} {second}");
     }
 }

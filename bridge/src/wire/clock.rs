@@ -92,7 +92,11 @@ mod tests {
         }
 
         #[test]
-        fn a_ping_comes_back_as_it_was(sent_ns in any::<i64>(), asker_id in any::<u64>(), clock_sigma_ns in any::<u32>()) {
+        fn a_ping_comes_back_as_it_was(
+            sent_ns in any::<i64>(),
+            asker_id in any::<u64>(),
+            clock_sigma_ns in any::<u32>(),
+        ) {
             let ping = Ping { sent_ns, asker_id, clock_sigma_ns };
             prop_assert_eq!(Ping::from_bytes(&ping.to_bytes()), Ok(ping));
         }
