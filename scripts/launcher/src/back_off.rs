@@ -5,8 +5,9 @@
 
 use std::time::Duration;
 
-/// The second start in a row waits so long.
-const FIRST: Duration = Duration::from_millis(250);
+/// The second start in a row waits so long. Frames are missed for less than a second even if five
+/// accidents follow each other within seconds.
+const FIRST: Duration = Duration::from_millis(100);
 
 /// Longest wait: a camera that is plugged in is found within it.
 pub const LONGEST: Duration = Duration::from_secs(4);
@@ -38,7 +39,7 @@ mod tests {
         let mut back_off = BackOff::default();
         let mut wait_ms = |lived_ms| back_off.update(Duration::from_millis(lived_ms)).as_millis();
         let waits: Vec<u128> = (0..8).map(|_| wait_ms(30)).collect();
-        assert_eq!(waits, [0, 250, 500, 1000, 2000, 4000, 4000, 4000]);
-        assert_eq!([wait_ms(1000), wait_ms(999), wait_ms(30)], [0, 250, 500]);
+        assert_eq!(waits, [0, 100, 200, 400, 800, 1600, 3200, 4000]);
+        assert_eq!([wait_ms(1000), wait_ms(999), wait_ms(30)], [0, 100, 200]);
     }
 }

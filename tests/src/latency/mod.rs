@@ -2,9 +2,9 @@
 //!
 //! A [`heard::Listener`] reads along in shared memory and changes nothing, a [`browser`] watches
 //! the page; [`stages`] joins what they heard to a time for every stage, [`usage`] says what each
-//! process cost. Frames are due by the
-//! clock, whether or not those before them came in time, so a stall is seen by all it delayed.
-//! [`transport`] is the same frames through a pipe and a socket, beside shared memory.
+//! process cost. Frames are due by the clock, whether or not those before them came in time, so a
+//! stall is seen by all it delayed. [`transport`] is the same frames through a pipe and a socket,
+//! beside shared memory.
 
 pub mod browser;
 pub mod heard;
