@@ -324,7 +324,7 @@ mod tests {
             how: "failed with exit code 69 (no camera)".to_owned(),
             wait: Duration::from_millis(wait_ms),
         };
-        assert_eq!(events, [died(0), died(250), died(500)]);
+        assert_eq!(events, [died(0), died(100), died(200)]);
         assert_eq!(supervisor.n_restarts(), 2);
         assert_eq!(supervisor.waiting(), ["capture failed with exit code 69 (no camera)"]);
         assert!(supervisor.running().is_empty());
