@@ -217,7 +217,7 @@ fn tried(
     conditions: &Conditions<'_>,
 ) -> Option<Tried> {
     let [speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s] = (*settings).into();
-    let launch = [speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s, 0.0];
+    let launch = [speed_m_s, elevation_rad, azimuth_rad, backspin_rad_s, 0.0, 0.0];
     let departure = Departure::new(machine.launcher_in_court_m, launch);
     let by_settings = |here: &Here| departure.slope(here).fixed_columns::<4>(0).into_owned();
     let Conditions { breeze, physics, .. } = *conditions;

@@ -9,15 +9,17 @@
 //!
 //! [`landed`](crate::landed) is the way back: ten numbers -> where the ball comes down.
 //!
-//! Court frame; spin axes as [`spin_axes`] has them at the launch. Spin along the flight lifts
-//! nothing and is left out.
+//! Court frame; spin axes as [`spin_axes`] has them at the launch. Spin along the launch lifts
+//! nothing there, but does farther on, where the flight has turned down: it stands beside the
+//! others.
 
 use crate::flight::fitted::Fitted;
 use crate::flight::model::Instant;
 use crate::flight::unknowns::{DRAG, N, SPIN, SPIN_SIGMA_RAD_S, WIND, WIND_SIGMA_M_S, spin_axes};
+use crate::landed::{landed, passed};
 use crate::motion::azimuth_elevation_rad;
 use crate::world::acceleration::{Breeze, spin_left};
-use crate::world::ball::{DRAG_COEFFICIENT, DRAG_SIGMA};
+use crate::world::ball::{DRAG_COEFFICIENT, DRAG_SIGMA, Physics};
 use nalgebra::{RowSVector, SMatrix, SVector, Vector3};
 
 /// One of the numbers that a landing follows from.
@@ -34,6 +36,8 @@ pub enum Cause {
     Backspin,
     /// About the axis upwards across the launch, rad/s.
     Sidespin,
+    /// About the launch's own direction, rad/s.
+    Gyrospin,
     /// C_D.
     Drag,
     /// m/s, to the right.
@@ -47,7 +51,7 @@ pub enum Cause {
 }
 
 /// How many there are.
-pub const N_CAUSES: usize = 10;
+pub const N_CAUSES: usize = 11;
 
 /// One number per cause.
 pub type CauseColumn = SVector<f64, N_CAUSES>;
@@ -63,6 +67,7 @@ impl Cause {
         Self::Azimuth,
         Self::Backspin,
         Self::Sidespin,
+        Self::Gyrospin,
         Self::Drag,
         Self::WindX,
         Self::WindY,
@@ -81,6 +86,8 @@ impl Cause {
 /// `exp(−½ (z − likely)ᵀ information (z − likely))`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Causes {
+    /// What the fit found, which leans on what is expected of any ball: there it was looked at.
+    pub fitted: CauseColumn,
     /// Most likely values; where nothing is known of a direction, those expected of any ball.
     pub likely: CauseColumn,
     /// Positive semi-definite.
@@ -88,15 +95,17 @@ pub struct Causes {
 }
 
 /// 1 sigma of what the fit expected of the cause; zero is nothing.
-const EXPECTED: [(Cause, f64, f64); 4] = [
+const EXPECTED: [(Cause, f64, f64); 6] = [
     (Cause::Backspin, 0.0, SPIN_SIGMA_RAD_S[1]),
+    (Cause::Sidespin, 0.0, SPIN_SIGMA_RAD_S[2]),
+    (Cause::Gyrospin, 0.0, SPIN_SIGMA_RAD_S[0]),
     (Cause::Drag, DRAG_COEFFICIENT, DRAG_SIGMA),
     (Cause::WindX, 0.0, WIND_SIGMA_M_S),
     (Cause::WindY, 0.0, WIND_SIGMA_M_S),
 ];
 
 /// Steps in which information is looked at: about what a shot tells of each cause.
-const SCALE: [f64; N_CAUSES] = [0.1, 2e-3, 2e-3, 20.0, 20.0, 0.05, 1.5, 1.5, 0.02, 0.02];
+const SCALE: [f64; N_CAUSES] = [0.1, 2e-3, 2e-3, 20.0, 20.0, 20.0, 0.05, 1.5, 1.5, 0.02, 0.02];
 
 /// Of a fitted flight at its launch; None if its covariance has no inverse.
 #[must_use]
@@ -121,6 +130,7 @@ pub fn from_fitted(fitted: &Fitted, launch: &Instant) -> Option<Causes> {
         by_velocity(right) / (speed_m_s * elevation_rad.cos()),
         by_spin(right),
         by_spin(up),
+        by_spin(along),
         unit(DRAG),
         unit(WIND),
         unit(WIND + 1),
@@ -134,6 +144,7 @@ pub fn from_fitted(fitted: &Fitted, launch: &Instant) -> Option<Causes> {
         azimuth_rad,
         spin_rad_s.dot(&right),
         spin_rad_s.dot(&up),
+        spin_rad_s.dot(&along),
         drag_coefficient,
         wind_m_s.x,
         wind_m_s.y,
@@ -169,8 +180,53 @@ fn without_expected(told: &CauseColumn, covariance: &CauseMatrix) -> Option<Caus
     }
     let is_finite = kept.iter().chain(moved.iter()).all(|v| v.is_finite());
     let likely = told + scale * moved;
-    is_finite.then_some(Causes { likely, information: unscale * kept * unscale })
+    let information = unscale * kept * unscale;
+    is_finite.then_some(Causes { fitted: *told, likely, information })
 }
+
+impl Causes {
+    /// The same evidence, looked at from other causes.
+    ///
+    /// What pixels tell is where the ball passed, to a millimetre; what they tell of wind or drag
+    /// is little, so a fit may be off by 1 m/s there, and over such a distance where a ball passes
+    /// bends by centimetres: ten times what is known of it. So the evidence is carried over as
+    /// places ([`passed`]): with J their slope where the fit was, `J⁺ᵀ Λ J⁺` is the information on
+    /// places, which is then seen with the slope from the other causes. None if numbers fail.
+    #[must_use]
+    pub fn seen_from(
+        &self,
+        causes: &CauseColumn,
+        plane_y_m: f64,
+        physics: &Physics,
+    ) -> Option<Self> {
+        let flight_s = landed(&self.fitted, plane_y_m, physics)?.flight_s;
+        let scale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE));
+        let unscale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE.map(f64::recip)));
+        let (fitted_m, slope) = passed(&self.fitted, plane_y_m, physics, flight_s);
+        let likely_m = fitted_m + slope * (self.likely - self.fitted);
+        let back = (slope * scale).pseudo_inverse(BACK_MIN).ok()?;
+        let on_places = back.transpose() * (scale * self.information * scale) * back;
+        let (seen_m, slope) = passed(causes, plane_y_m, physics, flight_s);
+        let slope = slope * scale;
+        let pull = slope.transpose() * on_places * (likely_m - seen_m);
+        let eigen = (slope.transpose() * on_places * slope).symmetric_eigen();
+        let mut information = CauseMatrix::zeros();
+        let mut moved = CauseColumn::zeros();
+        for (value, axis) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            if *value > TOLD_MIN {
+                information += axis * axis.transpose() * *value;
+                moved += axis * (axis.dot(&pull) / value);
+            }
+        }
+        let likely = causes + scale * moved;
+        let information = unscale * information * unscale;
+        let is_finite = information.iter().chain(likely.iter()).all(|v| v.is_finite());
+        is_finite.then_some(Self { fitted: *causes, likely, information })
+    }
+}
+
+/// Directions in which places move by less than this, m, for a step of [`SCALE`], are none.
+const BACK_MIN: f64 = 1e-5;
 
 /// Less information than this, in units of [`SCALE`], is rounding: ten of its sigmas.
 const TOLD_MIN: f64 = 0.01;
@@ -195,12 +251,13 @@ mod tests {
             let serve = Serve { lift_coefficient: 0.0, ..random };
             let (frames, truths) = pretend::seen(&[serve], 150, &GOOD_SIGHT, seed);
             let (_, shots) = pretend::told(pretend::reference_rig(), settings, &frames);
-            let Causes { likely, information } = shots[0].causes.unwrap();
+            let Causes { likely, information, .. } = shots[0].causes.unwrap();
             let Serve { speed_m_s, elevation_rad, azimuth_rad, drag_coefficient, .. } = serve;
             let truth = CauseColumn::from([
                 speed_m_s,
                 elevation_rad,
                 azimuth_rad,
+                0.0,
                 0.0,
                 0.0,
                 drag_coefficient,
@@ -216,7 +273,7 @@ mod tests {
             n_told += eigen.iter().filter(|value| **value > 1e-12 * eigen.max()).count() as f64;
             // One flight cannot tell drag from head wind, yet knows where it came down.
             let expected = CauseMatrix::from_diagonal(
-                &CauseColumn::from([1.0, 0.1, 0.1, 300.0, 100.0, 0.1, 3.0, 3.0, 0.1, 0.1])
+                &CauseColumn::from([1.0, 0.1, 0.1, 300.0, 100.0, 100.0, 0.1, 3.0, 3.0, 0.1, 0.1])
                     .map(|sigma: f64| sigma.powi(-2)),
             );
             let known = (information + expected).cholesky().unwrap().inverse();

@@ -47,7 +47,7 @@ const DRIFT_SIGMA: [f64; N_KNOWN] =
 /// 2014: 10 %).
 const SPIN_SIGMA_RAD_S: f64 = 5.0;
 const LIFT_SCATTER: f64 = 0.1;
-/// Two wheels in one plane give none.
+/// Two wheels in one plane give none, nor any along the launch.
 const SIDESPIN_SIGMA_RAD_S: f64 = 5.0;
 /// Balls of one basket (new ones: 0.024, Cross & Lindsey).
 const BALL_DRAG_SIGMA: f64 = 0.02;
@@ -138,6 +138,7 @@ pub fn scatter(settings: &Vector4<f64>, machine: &Scatter) -> CauseMatrix {
         (Cause::Azimuth, machine.azimuth_rad),
         (Cause::Backspin, SPIN_SIGMA_RAD_S.hypot(spin * machine.spin_part.hypot(LIFT_SCATTER))),
         (Cause::Sidespin, SIDESPIN_SIGMA_RAD_S),
+        (Cause::Gyrospin, SIDESPIN_SIGMA_RAD_S),
         (Cause::Drag, BALL_DRAG_SIGMA),
         (Cause::WindX, GUST_SIGMA_M_S),
         (Cause::WindY, GUST_SIGMA_M_S),

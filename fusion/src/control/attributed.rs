@@ -59,8 +59,8 @@ pub struct Part {
     pub off_m: Vector2<f64>,
     /// 1 sigma; zero for what was aimed.
     pub sigma_m: Vector2<f64>,
-    /// By how much the cause was another than believed: m/s, rad, rad, rad/s, 1; for wind its x and
-    /// y, m/s; else nothing.
+    /// By how much the cause was another than believed: m/s, rad, rad, backspin and sidespin in
+    /// rad/s, 1; for wind its x and y, m/s; else nothing.
     pub amount: Vector2<f64>,
     /// 1 sigma of that.
     pub amount_sigma: Vector2<f64>,
@@ -73,7 +73,7 @@ const GROUPS: [(Why, &[Cause]); 6] = [
     (Why::Speed, &[Cause::Speed]),
     (Why::Elevation, &[Cause::Elevation]),
     (Why::Azimuth, &[Cause::Azimuth]),
-    (Why::Spin, &[Cause::Backspin, Cause::Sidespin]),
+    (Why::Spin, &[Cause::Backspin, Cause::Sidespin, Cause::Gyrospin]),
     (Why::Drag, &[Cause::Drag]),
     (Why::Wind, &[Cause::WindX, Cause::WindY]),
 ];
@@ -104,8 +104,10 @@ pub fn parts(
             amount_part: None,
         };
         for (i, a) in group.iter().map(|cause| cause.idx()).enumerate() {
-            part.amount[i] = off[a];
-            part.amount_sigma[i] = covariance[(a, a)].max(0.0).sqrt();
+            if i < part.amount.len() {
+                part.amount[i] = off[a];
+                part.amount_sigma[i] = covariance[(a, a)].max(0.0).sqrt();
+            }
             part.off_m += halfway.d_place.column(a) * off[a];
             for b in group.iter().map(|cause| cause.idx()) {
                 let both = halfway.d_place.column(a).component_mul(&halfway.d_place.column(b));

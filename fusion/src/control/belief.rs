@@ -16,7 +16,7 @@
 //! A ball's evidence may be silent in some directions ([`Causes`]); with Σ the covariance expected
 //! of its causes and Λ its information, `M = (Λ + Σ⁻¹)⁻¹` is what is known of the causes
 //! afterwards, and the evidence is worth `−½ ln|I + ΛΣ| − ½ rᵀ(Λ − ΛMΛ)r`. About 150 such steps
-//! of 10 by 10 a ball, a millisecond.
+//! of 11 by 11 a ball, a millisecond.
 
 use super::actuators::{self, DRAG, Design, Known, KnownMatrix, N_KNOWN, OFFSETS};
 use crate::causes::{Cause, CauseColumn, CauseMatrix, Causes};
@@ -224,7 +224,7 @@ struct Ball<'a> {
 
 impl Ball<'_> {
     fn seen_by(&self, parent: &Hypothesis, kind: &(Oddity, f64, [f64; 6])) -> Option<Child> {
-        let Self { evidence: Causes { likely, information }, told, design, scatter } = *self;
+        let Self { evidence: Causes { likely, information, .. }, told, design, scatter } = *self;
         let (oddity, probability, added) = *kind;
         let before = told + design * parent.mean;
         let through = parent.covariance * design.transpose();
@@ -261,7 +261,8 @@ impl Ball<'_> {
 }
 
 fn add_oddity(covariance: &mut CauseMatrix, [speed, angle, spin, drag, wind, release]: &[f64; 6]) {
-    let sigmas = [speed, angle, angle, spin, spin, drag, wind, wind, release, release];
+    let sigmas =
+        [speed, angle, angle, spin, spin, spin, drag, wind, wind, release, release];
     for (cause, sigma) in Cause::ALL.into_iter().zip(sigmas) {
         covariance[(cause.idx(), cause.idx())] += sigma * sigma;
     }

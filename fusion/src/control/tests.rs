@@ -63,6 +63,7 @@ impl Court {
             azimuth + by_azimuth,
             spin * (1.0 + by_spin),
             0.0,
+            0.0,
             self.drag,
             self.wind_m_s.x,
             self.wind_m_s.y,
@@ -88,6 +89,7 @@ impl Court {
             elevation_rad,
             azimuth_rad,
             spin_part * causes[3].abs(),
+            0.0,
             0.0,
             0.02,
             gust_m_s,
@@ -128,7 +130,7 @@ impl Court {
             track: Vec::new(),
             residual_px: [None; 2],
             clock: None,
-            causes: Some(Causes { likely, information }),
+            causes: Some(Causes { fitted: likely, likely, information }),
             frames_lost: [None; 2],
         }
     }
