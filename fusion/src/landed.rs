@@ -174,7 +174,8 @@ mod tests {
     #[test]
     fn every_derivative_is_that_of_differences() {
         let physics = pretend::reference_rig().physics();
-        let causes = CauseColumn::from([24.0, 0.2, 0.05, 80.0, 0.0, 0.0, 0.53, 1.0, -1.0, 0.1, 1.0]);
+        let causes =
+            CauseColumn::from([24.0, 0.2, 0.05, 80.0, 0.0, 0.0, 0.53, 1.0, -1.0, 0.1, 1.0]);
         let here = landed(&causes, 0.2, &physics).unwrap();
         let steps = [0.01, 1e-4, 1e-4, 0.1, 0.1, 0.1, 1e-3, 0.01, 0.01, 1e-3, 1e-3];
         for cause in Cause::ALL {

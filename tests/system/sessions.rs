@@ -61,7 +61,8 @@ fn a_machine_that_is_off_hits_its_targets_within_a_few_balls() {
     let variants = [Build::REAL, Build::PRECISE].map(|b| variant(Scene::Bias, b, "control"));
     let all = sessions::all(&variants, &amount, |_| ());
     for (variant, sessions) in variants.into_iter().zip(&all) {
-        let row = Row::from_sessions(variant, sessions, None, scatter_m(variant.build));
+        let row =
+            Row::from_sessions(variant, sessions, None, scatter_m(variant.build, variant.scene));
         let offs_m = row.systematic.map(|systematic| systematic.unwrap().rms_m);
         println!("{}: {offs_m:.3?} m after {AFTER:?} balls", variant.build.name);
         // Eight sessions are few: what 200 give is in the table.

@@ -261,8 +261,7 @@ impl Ball<'_> {
 }
 
 fn add_oddity(covariance: &mut CauseMatrix, [speed, angle, spin, drag, wind, release]: &[f64; 6]) {
-    let sigmas =
-        [speed, angle, angle, spin, spin, spin, drag, wind, wind, release, release];
+    let sigmas = [speed, angle, angle, spin, spin, spin, drag, wind, wind, release, release];
     for (cause, sigma) in Cause::ALL.into_iter().zip(sigmas) {
         covariance[(cause.idx(), cause.idx())] += sigma * sigma;
     }

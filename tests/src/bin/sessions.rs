@@ -137,7 +137,6 @@ fn variants_from_flags(flags: &Flags, is_rendered: bool) -> anyhow::Result<Vec<V
 }
 
 fn rows_from(variants: &[Variant], all: &[Vec<Session>]) -> Vec<Row> {
-    let scatters_m = [Build::REAL, Build::PRECISE].map(|build| (build.name, scatter_m(build)));
     let none_of = |variant: &Variant| {
         let same = variants.iter().position(|other| {
             (other.scene, other.build) == (variant.scene, variant.build)
@@ -146,8 +145,7 @@ fn rows_from(variants: &[Variant], all: &[Vec<Session>]) -> Vec<Row> {
         Some(all[same].as_slice())
     };
     let row = |(variant, sessions): (&Variant, &Vec<Session>)| {
-        let scatter = scatters_m.iter().find(|(name, _)| *name == variant.build.name);
-        let scatter_m = scatter.map_or(f64::NAN, |(_, scatter_m)| *scatter_m);
+        let scatter_m = scatter_m(variant.build, variant.scene);
         Row::from_sessions(*variant, sessions, none_of(variant), scatter_m)
     };
     variants.iter().zip(all).map(row).collect()

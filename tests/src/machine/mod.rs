@@ -97,6 +97,12 @@ impl Machine {
         }
     }
 
+    /// Takes gusts out of the wind, and makes all balls alike.
+    pub fn calm(&mut self) {
+        self.breeze.gust_sigma_m_s = 0.0;
+        (self.balls.drag_scatter, self.balls.lift_scatter) = (0.0, 0.0);
+    }
+
     /// What is wrong with a ball.
     pub fn fault(&self, ball_idx: usize) -> Option<Fault> {
         self.faults.get(ball_idx).copied().flatten()

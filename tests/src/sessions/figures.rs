@@ -203,8 +203,11 @@ fn n_until_followed(sessions: &[Session], scatter_m: f64) -> Option<usize> {
 }
 
 /// What single balls of a machine scatter by around each target's mean: both axes together.
-pub fn scatter_m(build: Build) -> f64 {
-    let machine = Machine::with(Actuators::exact(build), SCATTER_SEED);
+pub fn scatter_m(build: Build, scene: Scene) -> f64 {
+    let mut machine = Machine::with(Actuators::exact(build), SCATTER_SEED);
+    if scene == Scene::Calm {
+        machine.calm();
+    }
     let world = World::default();
     let squares_m2 = targets::six().map(|target| {
         let told = targets::nominal(&target);

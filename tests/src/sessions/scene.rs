@@ -3,7 +3,8 @@
 //! In every scene but the first the machine is 5 % too fast or too slow, 1.5 degrees too high or
 //! too low and 1 degree aside, and its spin is 10 % of the limit off where it is greatest; the wind
 //! is 1.5 m/s (1 sigma) along each axis, gusts are 0.5 m/s, and the balls' mean drag is 5 % (1
-//! sigma) off what is assumed.
+//! sigma) off what is assumed. In `calm` that wind has no gusts and all balls are alike, so that
+//! nothing but the machine scatters.
 
 use nalgebra::Vector2;
 use rand::seq::SliceRandom;
@@ -25,6 +26,8 @@ pub enum Scene {
     Right,
     /// A machine that is off.
     Bias,
+    /// The same in a steady wind, with balls that are all alike.
+    Calm,
     /// The wind changes by 3 m/s.
     WindStep,
     /// Gusts of 0.5 m/s, and one of 2-3 m/s now and then that lasts for a ball or two.
@@ -57,14 +60,22 @@ const SCENE_STREAM: u64 = 5;
 
 impl Scene {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Right, Self::Bias, Self::WindStep, Self::Gusts, Self::Wear, Self::Faults];
+    pub const ALL: [Self; 7] = [
+        Self::Right,
+        Self::Bias,
+        Self::Calm,
+        Self::WindStep,
+        Self::Gusts,
+        Self::Wear,
+        Self::Faults,
+    ];
 
     /// What to ask for it by.
     pub fn name(self) -> &'static str {
         match self {
             Self::Right => "right",
             Self::Bias => "bias",
+            Self::Calm => "calm",
             Self::WindStep => "wind-step",
             Self::Gusts => "gusts",
             Self::Wear => "wear",
@@ -114,6 +125,7 @@ impl Plan {
         };
         match scene {
             Scene::Right | Scene::Bias => (),
+            Scene::Calm => machine.calm(),
             Scene::WindStep => machine.breeze.step = Some((STEP_IDX, step_m_s)),
             Scene::Gusts => {
                 let breeze = machine.breeze.clone();
@@ -189,6 +201,6 @@ mod tests {
         for scene in Scene::ALL {
             assert_eq!(Scene::from_name(scene.name()), Ok(scene));
         }
-        assert!(Scene::from_name("storm").unwrap_err().contains("right, bias, wind-step"));
+        assert!(Scene::from_name("storm").unwrap_err().contains("right, bias, calm, wind-step"));
     }
 }

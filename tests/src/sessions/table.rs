@@ -42,7 +42,7 @@ pub fn document_from(rows: &[Row], command: &str) -> String {
          square) after\n  so many balls: where balls would land on average, without scatter, by \
          the truth's own integrator.\n\
          - Scatter: what single balls are off their mean, both axes together, with gusts of 0.5 \
-         m/s.\n\
+         m/s but in `calm`.\n\
          - Worse than none: how much farther balls miss than in the same session without \
          correction, in the\n  worst session, in scatter/√(balls); and in how many sessions that \
          is more than 2.\n\

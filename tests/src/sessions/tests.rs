@@ -3,6 +3,8 @@
 use super::controllers::from_name;
 use super::figures::{Row, scatter_m};
 use super::*;
+use crate::machine::Fired;
+use fusion::causes::{CauseColumn, N_CAUSES};
 
 fn played(scene: Scene, controller: &'static str, n_sessions: usize) -> (Variant, Vec<Session>) {
     let variant = Variant { scene, build: Build::PRECISE, controller, is_rendered: false };
@@ -41,11 +43,63 @@ fn what_nobody_corrects_stays_off_and_a_right_machine_is_right() {
 fn an_integrator_takes_back_what_it_sees() {
     let (variant, none) = played(Scene::Bias, "none", 3);
     let (_, sessions) = played(Scene::Bias, "integrator", 3);
-    let scatter_m = scatter_m(variant.build);
+    let scatter_m = scatter_m(variant.build, variant.scene);
     let row = Row::from_sessions(variant, &sessions, Some(&none), scatter_m);
     let [before, after] = [0, 5].map(|idx| row.systematic[idx].unwrap().rms_m);
     println!("{before:.2} m, after ten balls {after:.2} m; scatter {scatter_m:.2} m");
     assert!(after < 0.75 * before, "{before} {after}");
+}
+
+/// Mean square of what shots say of their causes, less the truth, in units of what they say to know;
+/// looked at from the truth.
+#[test]
+fn what_shots_say_of_their_causes_is_true_in_any_wind() {
+    let physics = targets::Nominal::default().physics;
+    let (mut squares, mut n_told) = (0.0, 0.0);
+    // The second one's wind blows at 2.5 to 3.5 m/s across and along.
+    for seed in 1..=4 {
+        let plan = Plan::drawn(seed, Scene::Bias, Build::REAL, 12);
+        let mut blind = from_name("none", &Build::REAL).unwrap();
+        let mut watched = watched::Watched::new(seed, Eyes::Drawn);
+        let world = watched.scenario().world.clone();
+        // What counts is density times drag, and times lift.
+        let density = physics.air_density_kg_m3 / world.air_density_kg_m3;
+        for (ball_idx, &target_idx) in plan.order.iter().enumerate() {
+            let at_s = played::FIRST_LAUNCH_S + ball_idx as f64 * played::PERIOD_S;
+            let fired = plan.machine.fired(&blind.told(target_idx), ball_idx, at_s).unwrap();
+            let Fired { launch, wind_m_s } = &fired[0];
+            let flights = vec![fired[0].flight(&world)];
+            let until_s = at_s + played::PERIOD_S - played::MARGIN_S;
+            let shots = watched.shots(ball_idx, flights, until_s, None);
+            let Some(causes) = shots.first().and_then(|shot| shot.causes) else { continue };
+            // A lift that is larger by some part is that of more spin: C_L = S / (2 S + 1).
+            let air_speed_m_s = launch.speed_m_s - wind_m_s.y;
+            let spin = launch.backspin_rad_s.abs() * world.ball_radius_m / air_speed_m_s;
+            let lift = launch.lift_scale * spin / (2.0 * spin + 1.0) / density;
+            let lifting_rad_s = lift / (1.0 - 2.0 * lift) * air_speed_m_s / world.ball_radius_m;
+            let place_m = launch.position_in_court_m;
+            let truth = CauseColumn::from([
+                launch.speed_m_s,
+                launch.elevation_rad,
+                launch.azimuth_rad,
+                lifting_rad_s * launch.backspin_rad_s.signum(),
+                0.0,
+                0.0,
+                launch.drag_coefficient / density,
+                wind_m_s.x,
+                wind_m_s.y,
+                place_m.x,
+                place_m.z,
+            ]);
+            let seen = causes.seen_from(&truth, place_m.y, &physics).unwrap();
+            let off = seen.likely - truth;
+            squares += off.dot(&(seen.information * off));
+            n_told += N_CAUSES as f64;
+        }
+    }
+    let mean = squares / n_told;
+    println!("mean square {mean:.2} of {n_told} numbers");
+    assert!(n_told > 400.0 && (0.6..1.5).contains(&mean), "{mean}");
 }
 
 #[test]
