@@ -16,7 +16,7 @@
 use crate::flight::fitted::Fitted;
 use crate::flight::model::Instant;
 use crate::flight::unknowns::{DRAG, N, SPIN, SPIN_SIGMA_RAD_S, WIND, WIND_SIGMA_M_S, spin_axes};
-use crate::landed::{landed, passed};
+use crate::landed::{N_PASSED, landed, passed};
 use crate::motion::azimuth_elevation_rad;
 use crate::world::acceleration::{Breeze, spin_left};
 use crate::world::ball::{DRAG_COEFFICIENT, DRAG_SIGMA, Physics};
@@ -185,43 +185,63 @@ fn without_expected(told: &CauseColumn, covariance: &CauseMatrix) -> Option<Caus
 }
 
 impl Causes {
-    /// The same evidence, looked at from other causes.
-    ///
-    /// What pixels tell is where the ball passed, to a millimetre; what they tell of wind or drag
-    /// is little, so a fit may be off by 1 m/s there, and over such a distance where a ball passes
-    /// bends by centimetres: ten times what is known of it. So the evidence is carried over as
-    /// places ([`passed`]): with J their slope where the fit was, `J⁺ᵀ Λ J⁺` is the information on
-    /// places, which is then seen with the slope from the other causes. None if numbers fail.
+    /// The same evidence as places; None if no such ball comes down.
     #[must_use]
-    pub fn seen_from(
-        &self,
-        causes: &CauseColumn,
-        plane_y_m: f64,
-        physics: &Physics,
-    ) -> Option<Self> {
+    pub fn passage(&self, plane_y_m: f64, physics: &Physics) -> Option<Passage> {
         let flight_s = landed(&self.fitted, plane_y_m, physics)?.flight_s;
         let scale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE));
-        let unscale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE.map(f64::recip)));
         let (fitted_m, slope) = passed(&self.fitted, plane_y_m, physics, flight_s);
         let likely_m = fitted_m + slope * (self.likely - self.fitted);
         let back = (slope * scale).pseudo_inverse(BACK_MIN).ok()?;
-        let on_places = back.transpose() * (scale * self.information * scale) * back;
-        let (seen_m, slope) = passed(causes, plane_y_m, physics, flight_s);
-        let slope = slope * scale;
-        let pull = slope.transpose() * on_places * (likely_m - seen_m);
-        let eigen = (slope.transpose() * on_places * slope).symmetric_eigen();
+        let information = back.transpose() * (scale * self.information * scale) * back;
+        Some(Passage { plane_y_m, physics: *physics, flight_s, likely_m, information })
+    }
+}
+
+/// Evidence of causes, as places.
+///
+/// What pixels tell is where the ball passed, to a millimetre; what they tell of wind or drag is
+/// little, so a fit may be off by 1 m/s there, and over such a distance where a ball passes bends
+/// by centimetres: ten times what is known of it. So the evidence is carried from causes to causes
+/// as places ([`passed`]): with J their slope where the fit was, the information on them is
+/// `J⁺ᵀ Λ J⁺`, and it is seen with the slope at the causes from which it is looked at.
+#[derive(Debug, Clone, Copy)]
+pub struct Passage {
+    plane_y_m: f64,
+    physics: Physics,
+    flight_s: f64,
+    likely_m: SVector<f64, N_PASSED>,
+    information: SMatrix<f64, N_PASSED, N_PASSED>,
+}
+
+impl Passage {
+    /// What it says of causes near these, and how far (squared, in sigmas) it is from what any such
+    /// causes would make of it. None if numbers fail.
+    #[must_use]
+    pub fn seen_from(&self, causes: &CauseColumn) -> Option<(Causes, f64)> {
+        let scale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE));
+        let unscale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE.map(f64::recip)));
+        let (seen_m, slope) = passed(causes, self.plane_y_m, &self.physics, self.flight_s);
+        let (slope, off_m) = (slope * scale, self.likely_m - seen_m);
+        let through = slope.transpose() * self.information;
+        let pull = through * off_m;
+        let eigen = (through * slope).symmetric_eigen();
         let mut information = CauseMatrix::zeros();
         let mut moved = CauseColumn::zeros();
+        let mut apart = off_m.dot(&(self.information * off_m));
         for (value, axis) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
             if *value > TOLD_MIN {
+                let along = axis.dot(&pull);
                 information += axis * axis.transpose() * *value;
-                moved += axis * (axis.dot(&pull) / value);
+                moved += axis * (along / value);
+                apart -= along * along / value;
             }
         }
         let likely = causes + scale * moved;
         let information = unscale * information * unscale;
         let is_finite = information.iter().chain(likely.iter()).all(|v| v.is_finite());
-        is_finite.then_some(Self { fitted: *causes, likely, information })
+        let seen = Causes { fitted: *causes, likely, information };
+        is_finite.then_some((seen, apart.max(0.0)))
     }
 }
 

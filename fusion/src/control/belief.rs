@@ -16,10 +16,11 @@
 //! A ball's evidence may be silent in some directions ([`Causes`]); with Σ the covariance expected
 //! of its causes and Λ its information, `M = (Λ + Σ⁻¹)⁻¹` is what is known of the causes
 //! afterwards, and the evidence is worth `−½ ln|I + ΛΣ| − ½ rᵀ(Λ − ΛMΛ)r`. About 150 such steps
-//! of 11 by 11 a ball, a millisecond.
+//! of 11 by 11 a ball. Each looks at the evidence from where it takes the ball to have been
+//! ([`Passage`]): seen from elsewhere a truth would be thought impossible.
 
 use super::actuators::{self, DRAG, Design, Known, KnownMatrix, N_KNOWN, OFFSETS};
-use crate::causes::{Cause, CauseColumn, CauseMatrix, Causes};
+use crate::causes::{Cause, CauseColumn, CauseMatrix, Causes, Passage};
 
 /// Hypotheses that are kept.
 const N_MAX: usize = 24;
@@ -38,6 +39,9 @@ const MACHINE_CHANGE: [f64; 4] = [0.02, 0.015, 0.015, 15.0];
 
 /// Changes longer ago than this, in balls, are told apart no more.
 const FORGOTTEN: u64 = 25;
+
+/// Where a ball most likely was is found in so many steps.
+const N_LOOKS: usize = 2;
 
 /// Whether these last balls were odd is kept open: the next one may tell.
 const N_OPEN: u8 = 2;
@@ -148,7 +152,7 @@ impl Belief {
     /// it scatters. None if the numbers are such that nothing can be said; then nothing changes.
     pub fn update(
         &mut self,
-        evidence: &Causes,
+        evidence: &Passage,
         told: &CauseColumn,
         design: &Design,
         scatter: &CauseMatrix,
@@ -216,7 +220,7 @@ struct Child {
 }
 
 struct Ball<'a> {
-    evidence: &'a Causes,
+    evidence: &'a Passage,
     told: &'a CauseColumn,
     design: &'a Design,
     scatter: &'a CauseMatrix,
@@ -224,7 +228,7 @@ struct Ball<'a> {
 
 impl Ball<'_> {
     fn seen_by(&self, parent: &Hypothesis, kind: &(Oddity, f64, [f64; 6])) -> Option<Child> {
-        let Self { evidence: Causes { likely, information, .. }, told, design, scatter } = *self;
+        let Self { evidence, told, design, scatter } = *self;
         let (oddity, probability, added) = *kind;
         let before = told + design * parent.mean;
         let through = parent.covariance * design.transpose();
@@ -232,12 +236,21 @@ impl Ball<'_> {
         add_oddity(&mut expected, &added);
         let roots = expected.cholesky()?;
         let expected_inverse = roots.inverse();
+        // Evidence is looked at from where the ball was, if it was of this kind; that is found from
+        // what was expected of it.
+        let mut from = before;
+        for _ in 0..N_LOOKS {
+            let (Causes { likely, information, .. }, _) = evidence.seen_from(&from)?;
+            let after = (information + expected_inverse).cholesky()?;
+            from = before + after.solve(&(information * (likely - before)));
+        }
+        let (Causes { likely, information, .. }, apart) = evidence.seen_from(&from)?;
         let after = (information + expected_inverse).cholesky()?;
         let covariance = after.inverse();
         let off = likely - before;
         let pull = information * off;
         let moved = covariance * pull;
-        let distance = off.dot(&pull) - pull.dot(&moved);
+        let distance = off.dot(&pull) - pull.dot(&moved) + apart;
         let log_volume = log_determinant(&roots) + log_determinant(&after);
         let gain = through * expected_inverse;
         let mut hypothesis = *parent;

@@ -36,9 +36,6 @@ use std::fmt;
 /// Wanted shots whose last settings are remembered, for the most they may change.
 const N_REMEMBERED: usize = 64;
 
-/// Where a ball most likely was is found in so many rounds, from what was expected of it.
-const N_LOOKS: usize = 2;
-
 /// 1 sigma of drag and wind that no number of balls takes away: all centres of a lit ball are
 /// pulled alike. Ten sessions of rendered frames were off by 3.2 % of drag and 0.26 m/s after 20
 /// balls, when scatter said 1.4 % and 0.15 (tests/results/sessions.md).
@@ -366,17 +363,9 @@ impl Control {
         let told = actuators::told(&settings, launcher);
         let design = actuators::design(&settings);
         let scatter = actuators::scatter(&settings, &self.scatter());
-        // Evidence is a straight line's: it is looked at from where the ball most likely was.
-        let mut from = actuators::expected(&settings, &self.belief.mean(), launcher);
-        let look = |from: &CauseColumn| causes.seen_from(from, launcher.y, &self.physics);
-        for _ in 0..N_LOOKS {
-            let Some(seen) = look(&from) else { return };
-            let learned = self.belief.clone().update(&seen, &told, &design, &scatter);
-            let Some(learned) = learned else { return };
-            from = learned.causes;
-        }
-        let Some(seen) = look(&from) else { return };
-        let Some(learned) = self.belief.update(&seen, &told, &design, &scatter) else { return };
+        let Some(passage) = causes.passage(launcher.y, &self.physics) else { return };
+        let learned = self.belief.update(&passage, &told, &design, &scatter);
+        let Some(learned) = learned else { return };
         self.repeatability.update(&settings, &learned);
         correction.trust = match learned.oddity {
             Oddity::None => Trust::Used,

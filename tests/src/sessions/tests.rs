@@ -91,7 +91,8 @@ fn what_shots_say_of_their_causes_is_true_in_any_wind() {
                 place_m.x,
                 place_m.z,
             ]);
-            let seen = causes.seen_from(&truth, place_m.y, &physics).unwrap();
+            let passage = causes.passage(place_m.y, &physics).unwrap();
+            let (seen, _) = passage.seen_from(&truth).unwrap();
             let off = seen.likely - truth;
             squares += off.dot(&(seen.information * off));
             n_told += N_CAUSES as f64;
