@@ -49,7 +49,7 @@ fn main() {
     let told = actuators::told(&settings, machine.launcher_in_court_m);
     let (design, scatter) =
         (actuators::design(&settings), actuators::scatter(&settings, &machine.scatter));
-    let sigmas = [0.05, 1e-3, 1e-3, 10.0, 30.0, 0.03, 0.8, 0.8, 0.01, 0.01];
+    let sigmas = [0.05, 1e-3, 1e-3, 10.0, 30.0, 30.0, 0.03, 0.8, 0.8, 0.01, 0.01];
     let information =
         CauseMatrix::from_diagonal(&CauseColumn::from(sigmas.map(|sigma: f64| sigma.powi(-2))));
     let (mean, _) = actuators::prior();
@@ -60,9 +60,11 @@ fn main() {
         for (i, sigma) in sigmas.into_iter().enumerate() {
             likely[i] += rng.random_range(-2.0..2.0) * sigma;
         }
-        let causes = Causes { likely, information };
+        let causes = Causes { fitted: likely, likely, information };
+        let launcher = machine.launcher_in_court_m;
         let begun = Instant::now();
-        black_box(belief.update(&causes, &told, &design, &scatter).expect("a ball"));
+        let passage = causes.passage(launcher.y, &physics).expect("it comes down");
+        black_box(belief.update(&passage, &told, &design, &scatter).expect("a ball"));
         learned_ms.push(begun.elapsed().as_secs_f64() * 1e3);
     }
     tell("learn from a ball", learned_ms);

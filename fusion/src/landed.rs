@@ -125,7 +125,7 @@ pub fn landed(causes: &CauseColumn, plane_y_m: f64, physics: &Physics) -> Option
 /// Places of a flight that are looked at.
 const N_PLACES: usize = 5;
 
-/// The coordinates of [`N_PLACES`].
+/// Their coordinates.
 pub const N_PASSED: usize = 3 * N_PLACES;
 
 /// Where the ball passes with these causes: its place at every fifth part of a time, court, m; and

@@ -360,12 +360,11 @@ impl Control {
     ) {
         let settings = Vector4::from(aimed.commanded.settings());
         let launcher = self.machine.launcher_in_court_m;
-        let told = actuators::told(&settings, launcher);
-        let design = actuators::design(&settings);
+        let (told, design) = (actuators::told(&settings, launcher), actuators::design(&settings));
         let scatter = actuators::scatter(&settings, &self.scatter());
         let Some(passage) = causes.passage(launcher.y, &self.physics) else { return };
-        let learned = self.belief.update(&passage, &told, &design, &scatter);
-        let Some(learned) = learned else { return };
+        let update = self.belief.update(&passage, &told, &design, &scatter);
+        let Some(learned) = update else { return };
         self.repeatability.update(&settings, &learned);
         correction.trust = match learned.oddity {
             Oddity::None => Trust::Used,
@@ -373,10 +372,9 @@ impl Control {
         };
         correction.changed = [learned.air_changed, learned.machine_changed];
         if let Some(miss_m) = miss_m {
-            let aimed_m = aimed.landing_m - aimed.wanted.landing_m();
             correction.parts = attributed::parts(
                 miss_m,
-                aimed_m,
+                aimed.landing_m - aimed.wanted.landing_m(),
                 &aimed.causes,
                 (&learned.causes, &learned.covariance),
                 launcher.y,

@@ -50,8 +50,8 @@ fn an_integrator_takes_back_what_it_sees() {
     assert!(after < 0.75 * before, "{before} {after}");
 }
 
-/// Mean square of what shots say of their causes, less the truth, in units of what they say to know;
-/// looked at from the truth.
+/// Mean square of what shots say of their causes less the truth, in units of what they say to
+/// know; looked at from the truth.
 #[test]
 fn what_shots_say_of_their_causes_is_true_in_any_wind() {
     let physics = targets::Nominal::default().physics;
