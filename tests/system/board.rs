@@ -156,10 +156,10 @@ fn a_camera_that_is_not_there_is_waited_for_with_its_reason() {
     let reason = "capture left: no camera: plug one in";
     let fakes = Fakes::new("fakes-69", &format!("echo {reason:?} >&2; exit 69"), SLEEP);
     let mut board = fakes.start();
-    board.says("started again in 1 s");
+    board.says("started again in 0.4 s");
     let (code, words) = board.end(Signal::TERM);
     let died = "board left: capture failed with exit code 69 (no camera); started again";
-    let ends = ["at once", "in 0.25 s", "in 0.5 s", "in 1 s"];
+    let ends = ["at once", "in 0.1 s", "in 0.2 s", "in 0.4 s"];
     let expected: Vec<String> =
         ends.iter().flat_map(|end| [reason.to_owned(), format!("{died} {end}")]).collect();
     let lines: Vec<&str> = words.lines().filter(|line| !line.contains("frames")).collect();
