@@ -1,13 +1,13 @@
 //! Flight -> what it says of its own causes: the launch and the air, jointly.
 //!
-//! Where a ball comes down follows from ten numbers ([`Cause`]). A flight fitted alone leans on
+//! Where a ball comes down follows from eleven numbers ([`Cause`]). A flight fitted alone leans on
 //! what is expected of any ball (drag 0.53 ± 0.05, no wind ± 1.5 m/s, no backspin): taken shot by
 //! shot, that would be counted anew with every shot. So [`Causes`] is what the pixels say and
 //! nothing else: the fit's own information less that of its prior. In directions that one flight
 //! cannot tell apart (drag against head wind) nothing is left; whoever sees many flights brings
 //! that in ([`crate::control`]).
 //!
-//! [`landed`](crate::landed) is the way back: ten numbers -> where the ball comes down.
+//! [`landed`](crate::landed) is the way back: eleven numbers -> where the ball comes down.
 //!
 //! Court frame; spin axes as [`spin_axes`] has them at the launch. Spin along the launch lifts
 //! nothing there, but does farther on, where the flight has turned down: it stands beside the
