@@ -160,8 +160,7 @@ pub fn from_fitted(fitted: &Fitted, launch: &Instant) -> Option<Causes> {
 /// The covariance is wider than that of the fit (it considers light and the rig's doubt), so along
 /// what the pixels do not tell a little less than nothing may be left: such directions are dropped.
 fn without_expected(told: &CauseColumn, covariance: &CauseMatrix) -> Option<Causes> {
-    let scale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE));
-    let unscale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE.map(f64::recip)));
+    let [scale, unscale] = scales();
     let mut information = (unscale * covariance * unscale).cholesky()?.inverse();
     let mut pull = CauseColumn::zeros();
     for (cause, mean, sigma) in EXPECTED {
@@ -169,19 +168,29 @@ fn without_expected(told: &CauseColumn, covariance: &CauseMatrix) -> Option<Caus
         information[(i, i)] -= sigma.powi(-2);
         pull[i] = (told[i] - mean) / SCALE[i] * sigma.powi(-2);
     }
+    let (kept, moved) = told_part(&information, &pull);
+    let (likely, information) = (told + scale * moved, unscale * kept * unscale);
+    let causes = Causes { fitted: *told, likely, information };
+    causes.is_finite().then_some(causes)
+}
+
+/// [`SCALE`] and its inverse.
+fn scales() -> [CauseMatrix; 2] {
+    [SCALE, SCALE.map(f64::recip)].map(|scale| CauseMatrix::from_diagonal(&scale.into()))
+}
+
+/// What of information (in units of [`SCALE`]) is more than rounding, `Λ`, and `Λ⁺` times a pull.
+fn told_part(information: &CauseMatrix, pull: &CauseColumn) -> (CauseMatrix, CauseColumn) {
     let eigen = information.symmetric_eigen();
     let mut kept = CauseMatrix::zeros();
     let mut moved = CauseColumn::zeros();
     for (value, axis) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
         if *value > TOLD_MIN {
             kept += axis * axis.transpose() * *value;
-            moved += axis * (axis.dot(&pull) / value);
+            moved += axis * (axis.dot(pull) / value);
         }
     }
-    let is_finite = kept.iter().chain(moved.iter()).all(|v| v.is_finite());
-    let likely = told + scale * moved;
-    let information = unscale * kept * unscale;
-    is_finite.then_some(Causes { fitted: *told, likely, information })
+    (kept, moved)
 }
 
 impl Causes {
@@ -189,12 +198,16 @@ impl Causes {
     #[must_use]
     pub fn passage(&self, plane_y_m: f64, physics: &Physics) -> Option<Passage> {
         let flight_s = landed(&self.fitted, plane_y_m, physics)?.flight_s;
-        let scale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE));
+        let [scale, _] = scales();
         let (fitted_m, slope) = passed(&self.fitted, plane_y_m, physics, flight_s);
         let likely_m = fitted_m + slope * (self.likely - self.fitted);
         let back = (slope * scale).pseudo_inverse(BACK_MIN).ok()?;
         let information = back.transpose() * (scale * self.information * scale) * back;
         Some(Passage { plane_y_m, physics: *physics, flight_s, likely_m, information })
+    }
+
+    fn is_finite(&self) -> bool {
+        self.information.iter().chain(self.likely.iter()).all(|value| value.is_finite())
     }
 }
 
@@ -219,29 +232,16 @@ impl Passage {
     /// causes would make of it. None if numbers fail.
     #[must_use]
     pub fn seen_from(&self, causes: &CauseColumn) -> Option<(Causes, f64)> {
-        let scale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE));
-        let unscale = CauseMatrix::from_diagonal(&CauseColumn::from(SCALE.map(f64::recip)));
+        let [scale, unscale] = scales();
         let (seen_m, slope) = passed(causes, self.plane_y_m, &self.physics, self.flight_s);
         let (slope, off_m) = (slope * scale, self.likely_m - seen_m);
         let through = slope.transpose() * self.information;
         let pull = through * off_m;
-        let eigen = (through * slope).symmetric_eigen();
-        let mut information = CauseMatrix::zeros();
-        let mut moved = CauseColumn::zeros();
-        let mut apart = off_m.dot(&(self.information * off_m));
-        for (value, axis) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-            if *value > TOLD_MIN {
-                let along = axis.dot(&pull);
-                information += axis * axis.transpose() * *value;
-                moved += axis * (along / value);
-                apart -= along * along / value;
-            }
-        }
-        let likely = causes + scale * moved;
-        let information = unscale * information * unscale;
-        let is_finite = information.iter().chain(likely.iter()).all(|v| v.is_finite());
+        let (kept, moved) = told_part(&(through * slope), &pull);
+        let apart = off_m.dot(&(self.information * off_m)) - pull.dot(&moved);
+        let (likely, information) = (causes + scale * moved, unscale * kept * unscale);
         let seen = Causes { fitted: *causes, likely, information };
-        is_finite.then_some((seen, apart.max(0.0)))
+        seen.is_finite().then_some((seen, apart.max(0.0)))
     }
 }
 

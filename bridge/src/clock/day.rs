@@ -47,6 +47,11 @@ impl Synced {
         Self { sigma_ns, apart_ns: None, is_told: false }
     }
 
+    /// As it was said.
+    pub fn sigma_ns(&self) -> f64 {
+        self.sigma_ns
+    }
+
     /// The estimate by clocks of the day, if it can be true and is better than by messages.
     pub fn better(&mut self, by_messages: &Estimate, ahead_by_day_ns: i64) -> Option<Estimate> {
         // A board that is further ahead by messages than by day has its clock of the day ahead.

@@ -129,6 +129,11 @@ impl Clock {
         Self { synced: synced_sigma_ns.map(Synced::new), ..Self::default() }
     }
 
+    /// Nothing is known any more: another machine's clock is to be told.
+    pub fn forget(&mut self) {
+        *self = Self::new(self.synced.as_ref().map(Synced::sigma_ns));
+    }
+
     /// Takes an exchange in, in the order of their returns; false if its stamps cannot be.
     pub fn update(&mut self, exchange: Exchange) -> bool {
         if !exchange.is_possible() {

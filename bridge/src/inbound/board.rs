@@ -35,7 +35,6 @@ struct Asked {
 #[derive(Debug)]
 pub struct Board {
     camera: Camera,
-    synced_sigma_ns: Option<f64>,
     /// Whose run is heard, and when it was heard last.
     heard: Option<(u64, StampNs)>,
     orders: [Order; N_STREAMS],
@@ -56,7 +55,6 @@ impl Board {
     pub fn new(camera: Camera, synced_sigma_ns: Option<f64>) -> Self {
         Self {
             camera,
-            synced_sigma_ns,
             heard: None,
             orders: Default::default(),
             end_idx: [0; N_STREAMS],
@@ -230,7 +228,7 @@ impl Board {
             before => {
                 if before.is_some_and(|(heard_id, _)| heard_id != session_id) {
                     if !before.is_some_and(|(id, _)| run::is_same_board(id, session_id)) {
-                        self.clock = Clock::new(self.synced_sigma_ns);
+                        self.clock.forget();
                     }
                     self.end_idx = [0; N_STREAMS];
                     self.oldest_idx = [None; N_STREAMS];

@@ -3,9 +3,10 @@
 //! Stamps count since the machine was started; viewers expect the time of day. The difference is
 //! taken once, when a recording begins, so that times in a file never leap.
 
+use crate::clock;
 use foxglove::messages::Timestamp;
 use shm_layout::StampNs;
-use shm_layout::stamp::{OWN_CLOCK, now_ns};
+use shm_layout::stamp::OWN_CLOCK;
 
 /// How the clock of stamps and the time of day differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,9 +19,7 @@ impl Times {
     /// As they differ now.
     #[must_use]
     pub fn of_now() -> Self {
-        let day = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
-        let day_ns = day.tv_sec.saturating_mul(1_000_000_000).saturating_add(day.tv_nsec);
-        Self { day_minus_stamp_ns: day_ns.saturating_sub(now_ns()) }
+        Self { day_minus_stamp_ns: clock::day_minus_stamp_ns() }
     }
 
     /// The time of day of a stamp; nothing is before 1970.
@@ -49,6 +48,7 @@ pub fn timestamp_from(day_ns: u64) -> Timestamp {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shm_layout::stamp::now_ns;
 
     #[test]
     fn machines_stamps_become_times_of_day_and_others_stay() {

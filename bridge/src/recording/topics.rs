@@ -167,17 +167,17 @@ mod tests {
 
     #[test]
     fn json_schemas_are_objects_with_properties() {
-        for topic in [
-            Topic::Shots,
-            Topic::Clock,
-            Topic::Corrections,
-            Topic::LauncherCommands,
-            Topic::LauncherAnswers,
+        for (topic, more_than) in [
+            (Topic::Shots, 5),
+            (Topic::Clock, 5),
+            (Topic::Corrections, 5),
+            (Topic::LauncherCommands, 4),
+            (Topic::LauncherAnswers, 5),
         ] {
             let schema = topic.schema();
             let value: serde_json::Value = serde_json::from_slice(&schema.data).unwrap();
             assert_eq!(value["type"], "object");
-            assert!(value["properties"].as_object().unwrap().len() >= 5, "{topic:?}");
+            assert!(value["properties"].as_object().unwrap().len() > more_than, "{topic:?}");
         }
     }
 

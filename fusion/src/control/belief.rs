@@ -238,19 +238,21 @@ impl Ball<'_> {
         let expected_inverse = roots.inverse();
         // Evidence is looked at from where the ball was, if it was of this kind; that is found from
         // what was expected of it.
+        let look = |from: CauseColumn| {
+            let (Causes { likely, information, .. }, apart) = evidence.seen_from(&from)?;
+            let after = (information + expected_inverse).cholesky()?;
+            let off = likely - before;
+            let pull = information * off;
+            let moved = after.solve(&pull);
+            Some((after, moved, off.dot(&pull) - pull.dot(&moved) + apart))
+        };
         let mut from = before;
         for _ in 0..N_LOOKS {
-            let (Causes { likely, information, .. }, _) = evidence.seen_from(&from)?;
-            let after = (information + expected_inverse).cholesky()?;
-            from = before + after.solve(&(information * (likely - before)));
+            let (_, moved, _) = look(from)?;
+            from = before + moved;
         }
-        let (Causes { likely, information, .. }, apart) = evidence.seen_from(&from)?;
-        let after = (information + expected_inverse).cholesky()?;
+        let (after, moved, distance) = look(from)?;
         let covariance = after.inverse();
-        let off = likely - before;
-        let pull = information * off;
-        let moved = covariance * pull;
-        let distance = off.dot(&pull) - pull.dot(&moved) + apart;
         let log_volume = log_determinant(&roots) + log_determinant(&after);
         let gain = through * expected_inverse;
         let mut hypothesis = *parent;
