@@ -96,7 +96,7 @@ impl BallImage {
         let mut shadows = [None; INSTANTS_MAX];
         let mut points = [Points::default(); INSTANTS_MAX];
         for idx in 0..n_instants {
-            points[idx] = Points::of_instant(idx);
+            points[idx] = Points::of_instant(idx, n_instants);
             let center = at((idx as f64 + 0.5) / n_instants as f64);
             balls[idx] = center.and_then(|c| ball_spot(scenario, camera, &c));
             shadows[idx] = center.and_then(|c| shadow_spot(scenario, camera, &c));

@@ -21,24 +21,33 @@ const EDGE_PX: u32 = 2;
 const MIN_AREA_PX: u32 = 3;
 
 /// A ball is a disc: it explains at least this part of what is seen around it; more in a crowd (for
-/// each pixel that stands out around each of its own), and more when its box is longer than wide.
-const EXPLAINED_MIN: f32 = 0.85;
+/// each pixel that stands out around each of its own), more when its box is longer than wide, and
+/// more for every diameter that it moves beyond a third: a limb looks like a streak.
+const EXPLAINED_MIN: f32 = 0.83;
 const EXPLAINED_IN_CROWD: f32 = 0.1;
 const EXPLAINED_IF_LONG: f32 = 0.15;
-const EXPLAINED_MOST: f32 = 0.94;
+const EXPLAINED_IF_MOVING: f32 = 0.05;
+const MOTION_UNNOTICED: f32 = 0.3;
+/// So much is enough, and so much more from this motion on, in diameters.
+const EXPLAINED_MOST: f32 = 0.925;
+const EXPLAINED_OF_STREAK: f32 = 0.015;
+const STREAK_FROM: f32 = 0.8;
+/// No ball moves farther than so many diameters during an exposure.
+const STREAK_MOST: f32 = 2.5;
 
 /// Fainter than this, grey levels, it is no ball, whatever its sides are.
 const CONTRAST_MIN: f32 = 8.0;
 
-/// Noise looks like the top of something wider than the box around it; a ball fills its box.
-const WIDER_MAX: f32 = 1.35;
+/// Noise looks like the top of something wider than the box around it; a ball fills its box. A part
+/// of the box's longer side, and px: `noisy` has 0.13 false candidates, with 1.35 of it 0.31.
+const WIDER_MAX: (f32, f32) = (1.0, 0.5);
 
 /// 1-sigma of the middle of a mask, px, and as a part of the diameter: what the sun pulls.
 const MASK_SIGMA: (f32, f32) = (0.3, 0.05);
 
-/// 1-sigma of what the model of a ball leaves out, px, and as a part of the diameter: the median
-/// on the scene `easy` is 0.1 px up to 9 px of diameter and 0.3 px at 12 to 17.
-const BALL_SIGMA: (f32, f32) = (0.1, 0.015);
+/// 1-sigma of what the model of a ball leaves out, px, and as a part of the diameter: RMS per axis
+/// on `easy` is 0.05 px from 4 to 12 px of diameter and 0.07 px at 12 to 16, on `near` 0.03 px.
+const BALL_SIGMA: (f32, f32) = (0.06, 0.003);
 
 /// A streak is one when it is this much longer than wide.
 const STRETCH_MIN: f32 = 1.3;
@@ -48,13 +57,16 @@ const STRETCH_MAX: f32 = 4.0;
 const OTHER_SIDE_COST_MAX: f32 = 0.4;
 
 /// A streak must explain this much more than a ball lit from one side.
-const STREAK_COST_MAX: f32 = 0.3;
+const STREAK_COST_MAX: f32 = 0.7;
 
 /// A ball that explains this much needs no other explanation.
 const PLAIN: f32 = 0.97;
 
 /// From this size on the box is tried as the ball, too.
 const NEAR_BALL_PX: u32 = 10;
+
+/// What the search for a near ball's motion begins with.
+const MOTION_FIRST_PX: f32 = 2.0;
 
 /// A pixel's own width, and what the lens adds, as a variance.
 const BLUR_PX2: f32 = 0.08;
@@ -163,15 +175,17 @@ fn from_blob(blob: &Blob, mask: &Mask) -> Candidate {
 fn from_spot(spot: &Spot, response: &Response) -> Option<Candidate> {
     let streak = Streak::from_moments(spot.moments_px2);
     let disc = best_disc(spot, &streak, response)?;
-    let is_streak = disc.stretch > 1.0;
-    let length_px = if is_streak { streak.length_px } else { 0.0 };
     let [width_px, height_px] = spot.pixels.size_px().map(|side_px| side_px as f32);
     let (short_px, long_px) = (width_px.min(height_px), width_px.max(height_px));
     let stricter =
         EXPLAINED_IN_CROWD * spot.crowd + EXPLAINED_IF_LONG * (long_px / short_px - 1.2).max(0.0);
-    let is_ball = disc.explained >= (EXPLAINED_MIN + stricter).min(EXPLAINED_MOST)
+    let moved = disc.motion_px[0].hypot(disc.motion_px[1]) / (2.0 * disc.radius_px);
+    let stricter = stricter + EXPLAINED_IF_MOVING * (moved - MOTION_UNNOTICED).max(0.0);
+    let most = EXPLAINED_MOST + if moved > STREAK_FROM { EXPLAINED_OF_STREAK } else { 0.0 };
+    let is_ball = moved <= STREAK_MOST
+        && disc.explained >= (EXPLAINED_MIN + stricter).min(most)
         && disc.contrast.abs() >= CONTRAST_MIN
-        && 2.0 * disc.radius_px <= WIDER_MAX * long_px;
+        && 2.0 * disc.radius_px <= WIDER_MAX.0 * long_px + WIDER_MAX.1;
     let unmodelled_px2 = BALL_SIGMA.0.powi(2) + (BALL_SIGMA.1 * 2.0 * disc.radius_px).powi(2);
     is_ball.then_some(Candidate {
         x_px: disc.center_px[0],
@@ -184,8 +198,8 @@ fn from_spot(spot: &Spot, response: &Response) -> Option<Candidate> {
         area_px: spot.n_px as f32,
         diameter_px: 2.0 * disc.radius_px,
         contrast: disc.contrast,
-        streak_x_px: length_px * streak.direction[0],
-        streak_y_px: length_px * streak.direction[1],
+        streak_x_px: disc.motion_px[0],
+        streak_y_px: disc.motion_px[1],
         signal_to_noise: spot.signal_to_noise,
     })
 }
@@ -195,12 +209,12 @@ fn from_spot(spot: &Spot, response: &Response) -> Option<Candidate> {
 fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> {
     let (columns, rows) = response.known();
     let known = ((columns.start, columns.end), (rows.start, rows.end));
-    let fitted = |center_px: [f32; 2], radius_px: f32, streak: [f32; 2], stretch: f32| {
+    let fitted = |center_px: [f32; 2], radius_px: f32, motion_px: [f32; 2], light| {
         let start = disc::Start {
             center_px,
             radius_px: radius_px.max(disc::RADIUS_MIN_PX),
-            streak,
-            stretch,
+            motion_px,
+            light,
             contrast: spot.contrast,
             background: spot.background,
             sigma: spot.sigma,
@@ -216,7 +230,7 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
     let [along_x, along_y] = streak.direction;
     let down = if along_x < 0.0 { -1.0 } else { 1.0 };
     let off_px = 0.42 * radius_px * missing;
-    let beside = |by: f32| fitted([x - by * along_y, y + by * along_x], radius_px, [1.0, 0.0], 1.0);
+    let beside = |by: f32| fitted([x - by * along_y, y + by * along_x], radius_px, [0.0; 2], None);
     let is_plain = |ball: &Option<Disc>| ball.is_some_and(|ball| ball.explained > PLAIN);
     let mut as_ball = beside(down * off_px);
     // Light from the left or right: the other side must be likelier, if light would come from below
@@ -236,14 +250,30 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
     if long_px >= NEAR_BALL_PX && !is_plain(&as_ball) {
         let middle = |(first, last): (u32, u32)| 0.5 * (first + last) as f32;
         let center_px = [middle(spot.pixels.x), middle(spot.pixels.y)];
-        let whole = fitted(center_px, 0.5 * long_px as f32 - 1.0, [1.0, 0.0], 1.0);
+        let whole = fitted(center_px, 0.5 * long_px as f32 - 1.0, [0.0; 2], None);
         as_ball = as_ball.into_iter().chain(whole).min_by(|a, b| a.cost.total_cmp(&b.cost));
+    }
+    // A near ball always moves by some pixels; which way its outline tells.
+    if long_px >= NEAR_BALL_PX
+        && let Some(ball) = as_ball
+    {
+        let moving = |[ex, ey]: [f32; 2]| {
+            let motion_px = [ex * MOTION_FIRST_PX, ey * MOTION_FIRST_PX];
+            fitted(ball.center_px, ball.radius_px, motion_px, Some(ball.light))
+        };
+        let ways = [[1.0, 0.0], [0.7, 0.7], [0.0, 1.0], [-0.7, 0.7]].map(moving);
+        as_ball = ways.into_iter().flatten().chain([ball]).min_by(|a, b| a.cost.total_cmp(&b.cost));
     }
     if streak.stretch < STRETCH_MIN || is_plain(&as_ball) {
         return as_ball;
     }
     let radius_px = 2.0 * streak.shorter_px2.sqrt();
-    let as_streak = fitted([x, y], radius_px, streak.direction, streak.stretch);
+    let motion_px = streak.direction.map(|part| part * streak.length_px);
+    let of_moments = fitted([x, y], radius_px, motion_px, None);
+    // Of a streak whose dark side is as bright as what is behind it the ball at rest knows more.
+    let of_ball = as_ball
+        .and_then(|ball| fitted(ball.center_px, ball.radius_px, motion_px, Some(ball.light)));
+    let as_streak = of_moments.into_iter().chain(of_ball).min_by(|a, b| a.cost.total_cmp(&b.cost));
     match (as_ball, as_streak) {
         (Some(ball), Some(streak)) if streak.cost < STREAK_COST_MAX * ball.cost => Some(streak),
         (None, streak) => streak,

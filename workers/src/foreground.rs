@@ -75,7 +75,7 @@ impl Foreground {
     #[must_use]
     pub fn new(strip: Strip, is_differenced: bool, settings: &Settings) -> Self {
         let n_px = strip.learned().len() * strip.width_px() as usize;
-        let look_back = if is_differenced { settings.look_back } else { 0 };
+        let look_back = if is_differenced { settings.look_back() } else { 0 };
         Self {
             settings: settings.background,
             strip,
@@ -135,7 +135,7 @@ mod tests {
     const SIZE_PX: (u32, u32) = (16, 8);
 
     fn foreground(look_back: usize) -> Foreground {
-        let settings = Settings { look_back, ..Settings::DEFAULT };
+        let settings = Settings { look_back: Some(look_back), ..Settings::DEFAULT };
         Foreground::new(Strip::new(0, 1, SIZE_PX), true, &settings)
     }
 

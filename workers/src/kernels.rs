@@ -234,6 +234,12 @@ pub struct Gate<'a> {
     pub gain_before: [u16; 3],
 }
 
+/// A pixel is new when this part of its response was not there some frames ago. Of a limb that
+/// moves on less is, of noise before a swaying branch less; all of a ball, but of one that moves
+/// less than its width, at its front. With 1/2 and 5/8 `distractors` has 1.9 and 1.7 false
+/// candidates, `vibration` 0.9 and 0.5, and of `slow` 97 and 96 % are found.
+const NEW_PART: (u16, u16) = (5, 8);
+
 /// The pixels that stand out, and those of them that did not a few frames ago: one bit each, the
 /// first the lowest.
 #[inline(always)]
@@ -252,11 +258,12 @@ pub fn masks_of_chunk(gate: &Gate<'_>) -> (u64, u64) {
         let response = response_q1(gate.sums[i], gate.sums[i + 1], gate.sums[i + 2]);
         let change = response_q1(changes[i], changes[i + 1], changes[i + 2]);
         let limit = upper(gate.noise[i], gate.limit[i]);
-        // A change has the noise of two frames, yet is asked for less: over T/√2, 11/8 ≈ √2.
-        let size_of_change = change.unsigned_abs() * 2;
-        let is_over = response.unsigned_abs() > limit;
+        let size = response.unsigned_abs();
+        let is_over = size > limit;
+        // Sizes are 4590 at most: nine times 255, Q1.
+        let is_changed = change.unsigned_abs() * NEW_PART.1 > size * NEW_PART.0;
         stands_out[i] = u8::from(is_over);
-        is_new[i] = u8::from(is_over & (size_of_change > limit) & ((response ^ change) >= 0));
+        is_new[i] = u8::from(is_over & is_changed & ((response ^ change) >= 0));
     }
     (bits_from_bytes(&stands_out), bits_from_bytes(&is_new))
 }

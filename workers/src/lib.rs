@@ -22,6 +22,7 @@ pub mod filtered;
 pub mod foreground;
 pub mod grid;
 pub mod kernels;
+pub mod light;
 pub mod method;
 pub mod recent;
 pub mod response;
@@ -49,16 +50,20 @@ pub struct Settings {
     pub method: Method,
     /// How the background is learned and what counts as foreground.
     pub background: Background,
-    /// A foreground pixel is new if it was not foreground this many frames ago. The thesis says
-    /// "previous frame" and had four workers that took turns, so it looked back about four; a far
-    /// ball moves less than its own width in one frame.
-    pub look_back: usize,
+    /// A pixel is new if it did not stand out this many frames ago; `None`: what suits the method.
+    pub look_back: Option<usize>,
 }
 
 impl Settings {
     /// What holds unless something else is said.
     pub const DEFAULT: Self =
-        Self { method: method::MATCHED, background: Background::DEFAULT, look_back: 4 };
+        Self { method: method::MATCHED, background: Background::DEFAULT, look_back: None };
+
+    /// How many frames ago is looked at.
+    #[must_use]
+    pub fn look_back(&self) -> usize {
+        self.look_back.unwrap_or(self.method.look_back())
+    }
 }
 
 /// One worker's state: the background of its rows and its scratch memory.

@@ -34,8 +34,8 @@ struct Flags {
     #[arg(long, default_value = DEFAULT.method.name, value_parser = Method::from_name)]
     method: Method,
     /// New is what was not there this many frames ago; 0 (test-1 to test-7): all foreground is new.
-    #[arg(long, default_value_t = DEFAULT.look_back, value_parser = look_back_from_text)]
-    look_back_frames: usize,
+    #[arg(long, value_parser = look_back_from_text)]
+    look_back_frames: Option<usize>,
     /// Weight of a new frame in the background.
     #[arg(long, default_value_t = DEFAULT.background.learning_rate, value_parser = rate_from_text)]
     learning_rate: f32,

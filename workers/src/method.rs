@@ -116,7 +116,24 @@ pub fn all() -> Vec<Method> {
     TABLE_1.into_iter().chain([MATCHED]).collect()
 }
 
+/// The thesis says "previous frame" and had four workers that took turns, so it looked back about
+/// four frames; a far ball moves less than its own width in one.
+const LOOK_BACK_OF_TABLE_1: usize = 4;
+
+/// A slow ball leaves its own place in so many frames: with 4, 5, 6 and 7 of them 88.8, 89.9, 90.9
+/// and 91.1 % are found on `dim`, beside 1.4, 1.7, 1.8 and 1.9 false candidates on `distractors`.
+const LOOK_BACK_OF_MATCHED: usize = 6;
+
 impl Method {
+    /// How many frames ago a pixel must not have stood out to be new.
+    #[must_use]
+    pub const fn look_back(&self) -> usize {
+        match self.how {
+            How::Mask(_) => LOOK_BACK_OF_TABLE_1,
+            How::Response(_) => LOOK_BACK_OF_MATCHED,
+        }
+    }
+
     /// The method of this name.
     ///
     /// # Errors

@@ -33,9 +33,9 @@ struct Flags {
     /// Frames shown first, to learn the background from, such as 121..164.
     #[arg(long, value_name = "FROM..TO", value_parser = range_from_text)]
     learn: Option<Range<usize>>,
-    /// A pixel is new if it was not foreground this many frames ago.
-    #[arg(long, default_value_t = Settings::DEFAULT.look_back)]
-    look_back_frames: usize,
+    /// A pixel is new if it did not stand out this many frames ago; default: what suits the method.
+    #[arg(long)]
+    look_back_frames: Option<usize>,
     /// The clip with red crosses on candidates and a blue circle on the label, one method only.
     #[arg(long, value_name = "FILE.y4m")]
     video_out: Option<PathBuf>,

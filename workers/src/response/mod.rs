@@ -4,7 +4,7 @@
 //! ([`crate::grid`]) and sums over the 3x3 pixels around one:
 //!
 //! ```text
-//!   D = Σd     kept ⇐ |D| > T n   and   sign(D) ΣΔ > (T/2) n    Δ: change since `look_back` frames
+//!   D = Σd     kept ⇐ |D| > T n   and   sign(D) ΣΔ > ⅝ |D|    Δ: change since `look_back` frames
 //! ```
 //!
 //! A mask asks each pixel alone whether it is foreground, and the thesis' test 5 then needs ten of
@@ -125,7 +125,7 @@ impl Response {
         let noise_min_q7 = (noise_min * 128.0).round().min(f32::from(u16::MAX)) as u16;
         let rate = settings.background.learning_rate * TURNS as f32;
         let margined = stride_px + 2 * MARGIN_PX;
-        let n_slots = settings.look_back.max(1) + 1;
+        let n_slots = settings.look_back().max(1) + 1;
         Self {
             simd,
             strip,
