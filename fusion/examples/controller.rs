@@ -13,7 +13,7 @@ use shm_layout::launcher::{self, CommandKind, LauncherState, NONE};
 use shm_layout::ports::{MessageReader, MessageWriter};
 use shm_layout::services::{Domain, Member, Place};
 use shm_layout::stamp::now_ns;
-use shm_layout::{Camera, LauncherAnswer, LauncherCommand, stop::Stop};
+use shm_layout::{Camera, LauncherAnswer, LauncherCommand, Taken, stop::Stop};
 
 /// A ball machine; replace it by one's own.
 trait Launcher {
@@ -54,9 +54,9 @@ fn main() -> anyhow::Result<()> {
     let (strips, alarm) = (candidates.reader()?, candidates.alarm()?);
     let mut launcher =
         Services(member.launcher_commands()?.writer()?, member.launcher_answers()?.reader()?);
-    let stop = Stop::on_signals(false)?;
-    let (mut intakes, mut shot_idx) = ([Intake::default(), Intake::default()], 0);
-    let (mut next, mut told_ns, mut is_free): (Option<Told>, i64, bool) = (None, 0, false);
+    let (stop, taken_out) = (Stop::on_signals(false)?, member.taken()?.writer()?);
+    let (mut intakes, mut taken) = ([Intake::default(), Intake::default()], Taken::default());
+    let (mut shot_idx, mut told_ns, mut is_free, mut next) = (0, 0, false, None::<Told>);
     let command = |kind: CommandKind, correction_idx, settings| {
         let (sent_ns, kind) = (now_ns(), kind.code());
         let command_idx = sent_ns.unsigned_abs(); // no two are told in one nanosecond
@@ -69,10 +69,12 @@ fn main() -> anyhow::Result<()> {
             next = corrections.update_answer(&answer, now_ns()).or(next);
         }
         while let Some(info) = infos.receive()? {
+            taken.n_infos += 1;
             let Some(camera) = Camera::from_idx(info.camera_idx) else { continue };
             intakes[camera.idx()].update_info(&info);
         }
         while let Some(strip) = strips.receive()? {
+            taken.n_strips += 1;
             let Some(camera) = Camera::from_idx(strip.camera_idx) else { continue };
             for frame in intakes[camera.idx()].update(&strip) {
                 for shot in fusion.update(camera, &frame) {
@@ -82,6 +84,7 @@ fn main() -> anyhow::Result<()> {
                 }
             }
         }
+        taken_out.send(taken)?; // a simulated court and a recording are no faster than this
         next = corrections.update_time(now_ns()).or(next);
         let is_due = is_free && now_ns() - told_ns >= period_ns;
         if let Some(told) = next.take_if(|told| is_due && told.message.is_trusted == 1) {

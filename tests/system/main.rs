@@ -26,7 +26,7 @@ mod same_bits; // the candidates do not depend on the number of workers
 mod scenes; // how well balls are found, scene by scene
 mod sessions; // how soon a machine that is off hits its targets
 mod sizes; // capture begins anew with frames of another size
-mod steering; // a drill, commanded by fusion and a controller in Python
+mod steering; // a drill, commanded by fusion and a controller in Python; by one in Rust
 mod sweep; // how well shots are measured, cell by cell
 mod tidy; // the house rules
 mod usb_camera; // V4L2, answered by a library

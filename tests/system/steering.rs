@@ -1,5 +1,6 @@
 //! The real `fusion` steers: it says what to tell the machine for a drill, the Python controller
-//! tells it, and when no ball is ever seen it says so and everybody stays with what is safe.
+//! tells it, and when no ball is ever seen it says so and everybody stays with what is safe. The
+//! Rust controller, an example of a program with fusion inside, does both by itself.
 
 use crate::run::{binary, turn};
 use shm_layout::correction::Reason;
@@ -67,6 +68,21 @@ fn controller(python: &Path, court: &str, n_balls: usize) -> Child {
         .unwrap()
 }
 
+/// The truth of what was commanded: how far from the nearer target such balls land on average.
+fn offs_m(truth: &str) -> Vec<f64> {
+    let off_m = |line: &str| {
+        let ball: serde_json::Value = serde_json::from_str(line).unwrap();
+        let [x, y] = [0, 1].map(|i| ball["mean_landing_m"][i].as_f64().unwrap());
+        let targets = [[1.0_f64, 21.0], [-1.0, 17.0]];
+        targets.map(|[tx, ty]| (x - tx).hypot(y - ty)).into_iter().fold(f64::MAX, f64::min)
+    };
+    truth.lines().map(off_m).collect()
+}
+
+fn mean_m(offs_m: &[f64]) -> f64 {
+    offs_m.iter().sum::<f64>() / offs_m.len() as f64
+}
+
 /// A biased machine with a real one's scatter, the real `fusion`, and a controller in Python.
 #[test]
 fn fifty_balls_of_the_python_controller_close_the_loop() {
@@ -100,17 +116,8 @@ fn fifty_balls_of_the_python_controller_close_the_loop() {
     assert!(out.status.success(), "{said}");
     assert_eq!(said.lines().filter(|line| line.starts_with("ball ")).count(), N_BALLS, "{said}");
 
-    // The truth of what was commanded: where such balls land on average.
-    let off_m = |line: &str| {
-        let ball: serde_json::Value = serde_json::from_str(line).unwrap();
-        let [x, y] = [0, 1].map(|i| ball["mean_landing_m"][i].as_f64().unwrap());
-        let targets = [[1.0_f64, 21.0], [-1.0, 17.0]];
-        targets.map(|[tx, ty]| (x - tx).hypot(y - ty)).into_iter().fold(f64::MAX, f64::min)
-    };
-    let text = std::fs::read_to_string(path("truth")).unwrap();
-    let offs_m: Vec<f64> = text.lines().map(off_m).collect();
+    let offs_m = offs_m(&std::fs::read_to_string(path("truth")).unwrap());
     assert_eq!(offs_m.len(), N_BALLS);
-    let mean_m = |offs_m: &[f64]| offs_m.iter().sum::<f64>() / offs_m.len() as f64;
     let (first_m, last_m) = (offs_m[0], mean_m(&offs_m[30..]));
     println!("the mean is {first_m:.2} m off at first, {last_m:.2} m in the last 20 of 50 balls");
     // 0.63 m of scatter a ball: 0.11 m after 30 balls, if nothing else were unknown.
@@ -123,6 +130,83 @@ fn fifty_balls_of_the_python_controller_close_the_loop() {
     assert!(speed.abs() > 3.0, "5 % fast or slow: {speed}");
     assert!(std::fs::read_to_string(path("session.svg")).unwrap().ends_with("</svg>\n"));
     assert!(std::fs::read_to_string(path("balls.csv")).unwrap().lines().count() > 45);
+}
+
+/// A process that is not told of its parent: it ends with the test, however that does.
+struct Ended(Child);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The same machine and court, and no process `fusion`: it is within the controller.
+#[test]
+fn thirty_balls_of_the_rust_controller_close_the_loop() {
+    const N_BALLS: usize = 30;
+    let _turn = turn();
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(path("machine.toml"), MACHINE).unwrap();
+    // As fast as a drill may be: what the machine does between two balls takes no time here.
+    std::fs::write(path("drill.toml"), format!("period_s = 1.0\n{DRILL}")).unwrap();
+    let court = own_court("inside").unwrap();
+    let write_rig = ["--court", &court, "--write-rig", &path("rig.toml")];
+    assert!(Command::new(binary("practice")).args(write_rig).status().unwrap().success());
+    let member = Domain::new(&court, Place::Fusion).unwrap().join("test").unwrap();
+    let commands = member.launcher_commands().unwrap().reader().unwrap();
+    let answers = member.launcher_answers().unwrap().reader().unwrap();
+    let mut house = Household::new(&court).unwrap();
+    let truth = std::fs::File::create(path("truth")).unwrap();
+    let flags = ["--machine", "real", "--scene", "bias", "--seed", "3"];
+    house.start("practice", "practice", &flags, Until::Stopped, truth.into()).unwrap();
+    let example = binary("examples/controller");
+    let files = ["rig.toml", "machine.toml", "drill.toml"].map(path);
+    let said = std::fs::File::create(path("said")).unwrap();
+    let controller = Command::new(&example).arg(&court).args(files).stdout(said).spawn();
+    let mut controller = Ended(
+        controller
+            .unwrap_or_else(|why| panic!("{}: {why} (scripts/test builds it)", example.display())),
+    );
+    let (mut fired, mut stopped, mut refused) = (Vec::new(), 0, 0);
+    let mut hear = || {
+        while let Some(command) = commands.receive().unwrap() {
+            assert_eq!(command.refusal(&limits(), command.sent_ns), None, "{command:?}");
+            match command.kind() {
+                Some(CommandKind::Fire) => fired.push(*command),
+                _ => stopped += 1,
+            }
+        }
+        while let Some(answer) = answers.receive().unwrap() {
+            refused += usize::from(answer.state() == Some(LauncherState::Refused));
+        }
+    };
+    let truth = || std::fs::read_to_string(path("truth")).unwrap();
+    while truth().lines().count() < N_BALLS {
+        hear();
+        assert_eq!(controller.0.try_wait().unwrap(), None, "it goes on until Ctrl-C");
+        house.look().unwrap();
+        std::thread::yield_now();
+    }
+    launcher::processes::signal(&controller.0, rustix::process::Signal::INT);
+    assert!(controller.0.wait().unwrap().success());
+    hear();
+    // It stops the machine when it goes.
+    assert_eq!((stopped, refused), (1, 0));
+    assert!(fired.len() >= N_BALLS && fired.iter().all(|fire| fire.correction_idx != NONE));
+    let said = std::fs::read_to_string(path("said")).unwrap();
+    let offs_m = &offs_m(&truth())[..N_BALLS];
+    let (first_m, last_m) = (offs_m[0], mean_m(&offs_m[20..]));
+    println!("the mean is {first_m:.2} m off at first, {last_m:.2} m in the last 10 of 30 balls");
+    // 0.63 m of scatter a ball: 0.14 m after 20 balls, if nothing else were unknown.
+    assert!(first_m > 0.4 && last_m < 0.3, "{offs_m:.2?}");
+    // A sentence for each ball that was measured, but for the last, which may be on its way.
+    assert!(said.lines().count() >= N_BALLS - 4, "{said}");
+    drop((commands, answers, member));
+    house.stop().unwrap();
 }
 
 #[test]
