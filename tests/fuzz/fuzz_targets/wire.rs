@@ -2,22 +2,17 @@
 //! what is a message comes back as it was.
 #![no_main]
 
-// Only the parser, so that Zenoh need not be built with a sanitizer.
-#[path = "../../src/wire/mod.rs"]
-#[allow(dead_code, unreachable_pub)]
-mod wire;
-
+use bridge::wire::batch::{Batch, MAX_MESSAGES, batch_from_bytes, bytes_from_batch};
+use bridge::wire::clock::{Ping, Pong};
+use bridge::wire::command::{Answer, Command, Health};
+use bridge::wire::{VERSION, missing::Missing};
 use libfuzzer_sys::fuzz_target;
-use wire::batch::{Batch, MAX_MESSAGES, batch_from_bytes, bytes_from_batch};
-use wire::clock::{Ping, Pong};
-use wire::command::{Answer, Command, Health};
-use wire::missing::Missing;
 
 const READ: &str = "what was sent can be read";
 
 fuzz_target!(|data: &[u8]| {
     // With the right version: else one random input in 65536 gets past the first check.
-    let mut bytes = wire::VERSION.to_le_bytes().to_vec();
+    let mut bytes = VERSION.to_le_bytes().to_vec();
     bytes.extend_from_slice(data);
     for bytes in [data, &bytes] {
         if let Ok(batch) = batch_from_bytes(bytes) {
