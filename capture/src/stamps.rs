@@ -11,6 +11,9 @@ use std::path::Path;
 /// a list of timestamps.
 const MAX_FRAMES: usize = 1 << 22;
 
+/// No clock is farther from its zero: 73 years. Sums of two such lengths still are numbers.
+const FARTHEST_NS: StampNs = 1 << 61;
+
 /// The stamps of a file, in order.
 ///
 /// # Errors
@@ -40,7 +43,7 @@ pub fn lap_ns(stamps_ns: &[StampNs]) -> Option<StampNs> {
         let [first, last] = *stamps_ns else { return None };
         return Some(2 * (last - first));
     };
-    Some(2 * last - before - first)
+    Some((last - before) + (last - first))
 }
 
 struct Wrong {
@@ -59,6 +62,9 @@ fn from_text(text: &str) -> Result<Vec<StampNs>, Wrong> {
         };
         let stamp: StampNs =
             line.trim().parse().map_err(|_| wrong("one integer, nanoseconds".to_owned(), line))?;
+        if stamp <= -FARTHEST_NS || stamp >= FARTHEST_NS {
+            return Err(wrong("a time within 73 years of 0".to_owned(), line));
+        }
         if let Some(&before) = stamps.last()
             && stamp <= before
         {
@@ -100,6 +106,11 @@ mod tests {
         check("9\n9\n", Err((2, "after 9")));
         check("", Err((1, "a time")));
         check("99999999999999999999\n", Err((1, "integer")));
+        check("0\n9223372036854775807\n", Err((2, "73 years")));
+        check("-9223372036854775808\n0\n", Err((1, "73 years")));
+        let (first, last) = (1 - FARTHEST_NS, FARTHEST_NS - 1);
+        check(&format!("{first}\n0\n{last}\n"), Ok(&[first, 0, last]));
+        assert_eq!(lap_ns(&[first, first + 1, last]), Some(2 * (last - first) - 1));
     }
 
     #[test]
