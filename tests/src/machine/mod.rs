@@ -20,7 +20,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use crate::scenario::Launch;
-use crate::truth::{Bounce, Flight};
+use crate::truth::Flight;
 use crate::world::World;
 use actuators::Actuators;
 use balls::Balls;
@@ -78,7 +78,7 @@ impl Fired {
     /// Where it lands if no net is there.
     pub fn landing_ignoring_net_m(&self, world: &World) -> Vector2<f64> {
         let world = windy(world, self.wind_m_s);
-        landing_m(&Flight::first_bounce_ignoring_net(&world, &self.launch))
+        landing_m(&world, &self.launch)
     }
 }
 
@@ -146,7 +146,7 @@ impl Machine {
         let mean = self.actuators.mean(&self.limits, told, ball_idx);
         let launch = self.launch(&mean, 0.0, self.balls.mean_drag(ball_idx), 1.0);
         let world = windy(world, self.breeze.mean_at(ball_idx));
-        landing_m(&Flight::first_bounce_ignoring_net(&world, &launch))
+        landing_m(&world, &launch)
     }
 
     /// Where a flight of the mean ball lands if drag and wind are these.
@@ -160,7 +160,7 @@ impl Machine {
     ) -> Vector2<f64> {
         let mean = self.actuators.mean(&self.limits, told, ball_idx);
         let launch = self.launch(&mean, 0.0, drag_coefficient, 1.0);
-        landing_m(&Flight::first_bounce_ignoring_net(&windy(world, wind_m_s), &launch))
+        landing_m(&windy(world, wind_m_s), &launch)
     }
 
     fn launch(&self, left: &Told, at_s: f64, drag_coefficient: f64, lift_scale: f64) -> Launch {
@@ -181,9 +181,11 @@ fn windy(world: &World, wind_m_s: Vector2<f64>) -> World {
     World { wind_m_s: Vector3::new(wind_m_s.x, wind_m_s.y, 0.0), ..world.clone() }
 }
 
-fn landing_m(bounce: &Option<Bounce>) -> Vector2<f64> {
-    let bounce = bounce.as_ref().expect("a ball within the limits comes down");
-    bounce.position_in_court_m.coords.xy()
+/// Without net and fence: a fast ball before a gust flies as far as that.
+fn landing_m(world: &World, launch: &Launch) -> Vector2<f64> {
+    let open = World { fence_y_m: f64::INFINITY, ..world.clone() };
+    let bounce = Flight::first_bounce_ignoring_net(&open, launch);
+    bounce.expect("a ball within the limits comes down").position_in_court_m.coords.xy()
 }
 
 #[cfg(test)]

@@ -40,6 +40,22 @@ fn a_stopped_machine_fires_nothing_and_a_jam_lets_nothing_out() {
     assert_eq!(machine.fired(&TOLD, 3, 1.0), Err(Refusal::Stopped));
 }
 
+#[test]
+fn a_ball_that_would_fly_over_the_fence_lands_behind_it() {
+    let world = World::default();
+    let launch = Launch {
+        launched_at_s: 0.0,
+        position_in_court_m: Point3::new(0.0, 0.0, 1.0),
+        speed_m_s: 40.0,
+        elevation_rad: 0.5,
+        azimuth_rad: 0.0,
+        backspin_rad_s: 0.0,
+        drag_coefficient: world.drag_coefficient,
+        lift_scale: 1.0,
+    };
+    assert!(landing_m(&world, &launch).y > world.fence_y_m);
+}
+
 /// Along and across, of all targets together, in still air: each target around its own mean.
 fn scatter_m(build: Build) -> [f64; 2] {
     let mut machine = machine(build);
