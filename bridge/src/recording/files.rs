@@ -104,7 +104,7 @@ impl Files {
     /// When a file cannot be written.
     pub fn write_all(mut self, outlet: &Outlet) -> Result<Written, Error> {
         loop {
-            match outlet.items.recv_timeout(LOOK_EVERY) {
+            match outlet.next_within(LOOK_EVERY) {
                 Ok((read_ns, item)) => {
                     self.writer.put(read_ns, &item).map_err(|why| not_written(&self.path, &why))?;
                     if let Item::Frame(_, luma) = &item {

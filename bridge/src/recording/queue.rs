@@ -5,13 +5,14 @@
 //! before anything that a replay needs.
 
 use super::topics::Topic;
-use crate::wire::batch::Message;
-use crossbeam::channel::{Receiver, Sender, TrySendError, bounded};
+use crate::wire::batch::{Batch, Message, batch_from_bytes, bytes_from_batch};
+use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
 use shm_layout::{FrameInfo, Link, StampNs};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::Duration;
 
-/// Most things that wait: 28 MB, 5 s of two boards with eight workers, 45 s with one.
+/// Most things that wait: 28 MB at the most, 5 s of two boards with eight workers, 45 s with one.
 pub const MAX_WAITING: usize = 8192;
 
 /// Most bytes of pixels that wait: 2 s of 640x480 at 90 frames/s.
@@ -30,6 +31,33 @@ pub enum Item {
     Link(Link),
     /// JSON of the machine's side.
     Machine(Topic, String),
+}
+
+/// A thing as it waits: a message as its bytes, for in memory there is room for all candidates that
+/// a strip may have, and a board that comes back brings 2 s of it at once.
+#[derive(Debug)]
+enum Waiting {
+    Bytes(Vec<u8>),
+    Item(Item),
+}
+
+impl Waiting {
+    fn from_item(item: Item) -> Self {
+        match item {
+            Item::Message(message) => {
+                let messages = vec![message];
+                Self::Bytes(bytes_from_batch(&Batch { session_id: 0, batch_idx: 0, messages }))
+            }
+            item => Self::Item(item),
+        }
+    }
+
+    fn into_item(self) -> Option<Item> {
+        match self {
+            Self::Bytes(bytes) => batch_from_bytes(&bytes).ok()?.messages.pop().map(Item::Message),
+            Self::Item(item) => Some(item),
+        }
+    }
 }
 
 /// What was left out.
@@ -83,7 +111,7 @@ impl std::fmt::Display for LeftOut {
 /// The end that things are put into.
 #[derive(Debug)]
 pub struct Inlet {
-    items: Sender<(StampNs, Item)>,
+    items: Sender<(StampNs, Waiting)>,
     n_pixel_bytes: Arc<AtomicUsize>,
     max_pixel_bytes: usize,
     /// What was left out so far.
@@ -93,8 +121,7 @@ pub struct Inlet {
 /// The end that things come out of.
 #[derive(Debug)]
 pub struct Outlet {
-    /// Ends when the inlet is gone and all was taken. Give every frame's bytes back.
-    pub items: Receiver<(StampNs, Item)>,
+    items: Receiver<(StampNs, Waiting)>,
     n_pixel_bytes: Arc<AtomicUsize>,
     /// What was left out so far.
     pub left_out: Arc<LeftOut>,
@@ -128,10 +155,10 @@ impl Inlet {
             Item::Frame(..) => &self.left_out.n_frames,
             _ => &self.left_out.n_messages,
         };
-        match self.items.try_send((read_ns, item)) {
+        match self.items.try_send((read_ns, Waiting::from_item(item))) {
             Ok(()) => Ok(()),
-            Err(TrySendError::Full((_, item))) => {
-                if let Item::Frame(_, luma) = item {
+            Err(TrySendError::Full((_, waiting))) => {
+                if let Waiting::Item(Item::Frame(_, luma)) = waiting {
                     self.n_pixel_bytes.fetch_sub(luma.len(), Ordering::Relaxed);
                 }
                 if n_left_out.fetch_add(1, Ordering::Relaxed) == 0 {
@@ -161,6 +188,21 @@ impl Inlet {
 }
 
 impl Outlet {
+    /// The next thing and when it was read. Give every frame's bytes back.
+    ///
+    /// # Errors
+    /// When nothing came for so long, or the inlet is gone and all was taken.
+    pub fn next_within(&self, timeout: Duration) -> Result<(StampNs, Item), RecvTimeoutError> {
+        loop {
+            let (read_ns, waiting) = self.items.recv_timeout(timeout)?;
+            if let Some(item) = waiting.into_item() {
+                return Ok((read_ns, item));
+            }
+            // Nobody sends what cannot be read again; a replay would refuse the whole recording.
+            self.left_out.n_messages.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
     /// A frame of so many bytes was written.
     pub fn give_back(&self, n_bytes: usize) {
         self.n_pixel_bytes.fetch_sub(n_bytes, Ordering::Relaxed);
@@ -170,6 +212,7 @@ impl Outlet {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shm_layout::StripCandidates;
 
     fn info() -> Item {
         Item::Message(Message::FrameInfo(FrameInfo::default()))
@@ -182,8 +225,22 @@ mod tests {
             inlet.put(read_ns, info()).unwrap();
         }
         assert_eq!(outlet.left_out.n_messages.load(Ordering::Relaxed), 3);
-        let kept: Vec<StampNs> = outlet.items.try_iter().map(|(read_ns, _)| read_ns).collect();
-        assert_eq!(kept, [0, 1]);
+        for read_ns in 0..2 {
+            assert_eq!(outlet.next_within(Duration::ZERO), Ok((read_ns, info())));
+        }
+        assert_eq!(outlet.next_within(Duration::ZERO), Err(RecvTimeoutError::Timeout));
+    }
+
+    #[test]
+    fn a_strip_waits_in_as_little_room_as_it_needs_and_comes_out_as_it_was() {
+        let mut strip = StripCandidates { frame_idx: 7, n_candidates: 2, ..Default::default() };
+        let candidate = shm_layout::Candidate { x_px: 320.5, y_px: 0.1, ..Default::default() };
+        strip.candidates[..2].fill(candidate);
+        let item = Item::Message(Message::Candidates(Box::new(strip)));
+        let waiting = Waiting::from_item(item.clone());
+        let Waiting::Bytes(bytes) = &waiting else { panic!("{waiting:?}") };
+        assert!(bytes.capacity() < size_of::<StripCandidates>() / 8, "{}", bytes.capacity());
+        assert!(waiting.into_item() == Some(item), "other than it was");
     }
 
     #[test]
