@@ -19,6 +19,9 @@ const NEWS_WITHIN: Duration = Duration::from_secs(30);
 const STRAGGLERS_WITHIN: Duration = Duration::from_secs(2);
 /// Most strips read ahead: ten seconds of both boards, four strips a frame, are 7200.
 const MAX_AHEAD: usize = 8192;
+/// Room that is kept once all were taken: a fit of 20 ms, and some. A board that comes back brings
+/// 2 s at once, 1.5 MiB, which were never given back before.
+const AHEAD_AT_REST: usize = 64;
 
 /// Strips that boards sent. After an outage ten seconds come in a moment, which is more than shared
 /// memory keeps while a flight is fitted: so all that is there is read between any two strips.
@@ -36,6 +39,15 @@ impl Inbox {
         }
         Ok(())
     }
+}
+
+/// The first of those read ahead.
+fn first_of(ahead: &mut VecDeque<StripCandidates>) -> Option<StripCandidates> {
+    let first = ahead.pop_front();
+    if first.is_none() && ahead.capacity() > AHEAD_AT_REST {
+        ahead.shrink_to(AHEAD_AT_REST);
+    }
+    first
 }
 
 /// Lays on the table what boards send, until the recordings are over or the process is stopped.
@@ -71,7 +83,7 @@ pub fn run(
             intakes[camera.idx()].update_info(&info);
             news_at = Instant::now();
         }
-        if let Some(strip) = inbox.ahead.pop_front() {
+        if let Some(strip) = first_of(&mut inbox.ahead) {
             if let Some(camera) = Camera::from_idx(strip.camera_idx) {
                 let frames = intakes[camera.idx()].update(&strip);
                 table.take(camera, &frames)?;
@@ -118,4 +130,21 @@ fn is_over(intakes: &[Intake; 2], recorded: &[Camera], silence: Duration) -> any
         bail!("no news of the recording for {} s: {}", silence.as_secs(), counts.join(", "));
     }
     Ok(false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn room_for_an_outage_is_given_back_once_it_is_over() {
+        let mut ahead: VecDeque<StripCandidates> = (0..1000)
+            .map(|frame_idx| StripCandidates { frame_idx, ..Default::default() })
+            .collect();
+        for frame_idx in 0..1000 {
+            assert_eq!(first_of(&mut ahead).map(|strip| strip.frame_idx), Some(frame_idx));
+        }
+        assert_eq!(first_of(&mut ahead), None);
+        assert!(ahead.capacity() <= 2 * AHEAD_AT_REST, "{}", ahead.capacity());
+    }
 }
