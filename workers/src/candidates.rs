@@ -251,7 +251,7 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
         let middle = |(first, last): (u32, u32)| 0.5 * (first + last) as f32;
         let center_px = [middle(spot.pixels.x), middle(spot.pixels.y)];
         let whole = fitted(center_px, 0.5 * long_px as f32 - 1.0, [0.0; 2], None);
-        as_ball = as_ball.into_iter().chain(whole).min_by(|a, b| a.cost.total_cmp(&b.cost));
+        as_ball = likeliest(as_ball.into_iter().chain(whole));
     }
     // A near ball always moves by some pixels; which way its outline tells.
     if long_px >= NEAR_BALL_PX
@@ -262,7 +262,7 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
             fitted(ball.center_px, ball.radius_px, motion_px, Some(ball.light))
         };
         let ways = [[1.0, 0.0], [0.7, 0.7], [0.0, 1.0], [-0.7, 0.7]].map(moving);
-        as_ball = ways.into_iter().flatten().chain([ball]).min_by(|a, b| a.cost.total_cmp(&b.cost));
+        as_ball = likeliest(ways.into_iter().flatten().chain([ball]));
     }
     if streak.stretch < STRETCH_MIN || is_plain(&as_ball) {
         return as_ball;
@@ -273,12 +273,17 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
     // Of a streak whose dark side is as bright as what is behind it the ball at rest knows more.
     let of_ball = as_ball
         .and_then(|ball| fitted(ball.center_px, ball.radius_px, motion_px, Some(ball.light)));
-    let as_streak = of_moments.into_iter().chain(of_ball).min_by(|a, b| a.cost.total_cmp(&b.cost));
+    let as_streak = likeliest(of_moments.into_iter().chain(of_ball));
     match (as_ball, as_streak) {
         (Some(ball), Some(streak)) if streak.cost < STREAK_COST_MAX * ball.cost => Some(streak),
         (None, streak) => streak,
         (ball, _) => ball,
     }
+}
+
+/// The one that costs least, the first of equals.
+fn likeliest(discs: impl Iterator<Item = Disc>) -> Option<Disc> {
+    discs.min_by(|a, b| a.cost.total_cmp(&b.cost))
 }
 
 /// How a spot is drawn out by motion.

@@ -260,7 +260,7 @@ pub fn masks_of_chunk(gate: &Gate<'_>) -> (u64, u64) {
         let limit = upper(gate.noise[i], gate.limit[i]);
         let size = response.unsigned_abs();
         let is_over = size > limit;
-        // Sizes are 4590 at most: nine times 255, Q1.
+        // Sizes are 4608 at most, nine times 256, Q1: eight times that fits.
         let is_changed = change.unsigned_abs() * NEW_PART.1 > size * NEW_PART.0;
         stands_out[i] = u8::from(is_over);
         is_new[i] = u8::from(is_over & is_changed & ((response ^ change) >= 0));

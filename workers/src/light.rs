@@ -29,19 +29,22 @@ pub fn from_grey(level: f32) -> f32 {
 #[must_use]
 #[inline(always)]
 pub fn slope(level: f32) -> f32 {
-    let x = level.max(0.0) / WHITE;
-    (A + x * (2.0 * B + x * (3.0 * C))).max(SLOPE_MIN)
+    steepness(level).max(SLOPE_MIN)
 }
 
-/// Grey level of a light, by three steps of Newton's from above, where the curve is bent one way.
+#[inline(always)]
+fn steepness(level: f32) -> f32 {
+    let x = level.max(0.0) / WHITE;
+    A + x * (2.0 * B + x * (3.0 * C))
+}
+
+/// Grey level of a light, by four steps of Newton's from above, where the curve is bent one way.
 #[must_use]
 pub fn grey_from(light: f32) -> f32 {
     let light = light.max(0.0);
     let mut level = WHITE * (light / WHITE).sqrt() + 1.0;
     for _ in 0..4 {
-        let x = level / WHITE;
-        let steep = (A + x * (2.0 * B + x * (3.0 * C))).max(1e-3);
-        level = (level - (from_grey(level) - light) / steep).max(0.0);
+        level = (level - (from_grey(level) - light) / steepness(level).max(1e-3)).max(0.0);
     }
     level
 }
