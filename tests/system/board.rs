@@ -1,12 +1,12 @@
 //! A board whose processes die, under its launcher: it goes on, counts its losses, leaves nothing.
 
-use crate::run::{binary, simulated, turn};
+use crate::run::{Started, binary, simulated, turn};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 use tests::kills::{self, Victim};
 use tests::processes::own_court;
@@ -80,12 +80,13 @@ impl Fakes {
     fn start(&self) -> Running {
         let words = self.folder.path().join("words");
         let mut command = self.command(&["--workers", "1"]);
-        Running { child: command.stderr(File::create(&words).unwrap()).spawn().unwrap(), words }
+        let child = command.stderr(File::create(&words).unwrap()).spawn().unwrap();
+        Running { child: Started(child), words }
     }
 }
 
 struct Running {
-    child: Child,
+    child: Started,
     words: PathBuf,
 }
 
@@ -114,13 +115,6 @@ impl Running {
     }
 }
 
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
 fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).trim().to_owned()
 }
@@ -134,7 +128,7 @@ fn systemd_hears_that_a_board_runs_and_how_it_is_though_it_has_no_camera() {
     let systemd = UnixDatagram::bind(&path).unwrap();
     let mut command = fakes.command(&["--workers", "1"]);
     let child = command.env("NOTIFY_SOCKET", &path).stderr(Stdio::null()).spawn().unwrap();
-    let mut board = Running { child, words: path };
+    let mut board = Running { child: Started(child), words: path };
     let heard = || {
         let mut bytes = [0; 1000];
         let n_bytes = systemd.recv(&mut bytes).unwrap();
@@ -206,7 +200,7 @@ fn a_second_launcher_is_refused_and_a_killed_one_takes_its_processes_along() {
     let words = folder.path().join("words");
     let start = || {
         let child = fakes.command(&flags).stderr(File::create(&words).unwrap()).spawn().unwrap();
-        Running { child, words: words.clone() }
+        Running { child: Started(child), words: words.clone() }
     };
     let mut board = start();
     board.says("frames/s");

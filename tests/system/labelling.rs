@@ -1,11 +1,11 @@
 //! `label`: labels set over its own HTTP stand in the CSV when it ends.
 
-use crate::run::words;
+use crate::run::{Started, words};
 use page::labels::{self, Label};
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 
 const CLIP: &str = "/api/v1/clips/clip.y4m";
 
@@ -27,7 +27,7 @@ fn label(folder: &Path, video: &str, csv: &str, flags: &[&str]) -> Command {
 
 /// `label` while it serves; killed when a test panics.
 struct Served {
-    child: Child,
+    child: Started,
     host: String,
     token: String,
 }
@@ -40,7 +40,7 @@ impl Served {
         let url = line.trim().strip_prefix("http://");
         let parts = url.and_then(|url| url.split_once("/label/#token="));
         let (host, token) = parts.unwrap_or_else(|| panic!("expected a URL, got {line:?}"));
-        Self { child, host: host.to_owned(), token: token.to_owned() }
+        Self { child: Started(child), host: host.to_owned(), token: token.to_owned() }
     }
 
     /// The status and what follows the head of the answer.
@@ -67,13 +67,6 @@ impl Served {
         let pid = rustix::process::Pid::from_child(&self.child);
         rustix::process::kill_process(pid, signal).unwrap();
         self.child.wait().unwrap().code()
-    }
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.child.kill(); // it may have ended
-        let _ = self.child.wait();
     }
 }
 

@@ -1,13 +1,13 @@
 //! The real `page` beside the real `fusion` and a machine that is not there: over HTTP a drill is
 //! kept, aimed and played; its balls survive a kill -9.
 
-use crate::run::{binary, turn};
+use crate::run::{Started, binary, turn};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use tests::processes::{Household, Until, own_court};
 
 const MACHINE: &str = include_str!("../../fusion/rigs/machine.toml");
@@ -15,7 +15,7 @@ const N_BALLS: usize = 10;
 
 /// `page` while it serves; killed when a test panics.
 struct Served {
-    child: Child,
+    child: Started,
     host: String,
     token: String,
 }
@@ -35,7 +35,7 @@ impl Served {
         let address =
             line.trim().strip_prefix("http://").and_then(|url| url.split_once("/#token="));
         let (host, token) = address.unwrap_or_else(|| panic!("expected a URL, got {line:?}"));
-        Self { host: host.to_owned(), token: token.to_owned(), child }
+        Self { host: host.to_owned(), token: token.to_owned(), child: Started(child) }
     }
 
     /// The status and what follows the head of the answer.
@@ -88,13 +88,6 @@ impl Served {
         rustix::process::kill_process(pid, signal).unwrap();
         let status = self.child.wait().unwrap();
         assert!(signal == Signal::KILL || status.success(), "{status}");
-    }
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.child.kill(); // it may have ended
-        let _ = self.child.wait();
     }
 }
 

@@ -1,8 +1,9 @@
 //! Starting `track` and reading what it wrote.
 
 use serde_json::Value;
+use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Runs of the chain take turns: twelve processes each, on two cores.
@@ -29,6 +30,31 @@ pub fn shots_of(folder: &Path, flags: &[&str]) -> Value {
 /// Where one of the rooms' own binaries stands, beside those of the tests.
 pub fn binary(name: &str) -> PathBuf {
     launcher::processes::folder().unwrap().join(name)
+}
+
+/// A process that ends with its test, however that does.
+pub struct Started(pub Child);
+
+impl Deref for Started {
+    type Target = Child;
+
+    fn deref(&self) -> &Child {
+        &self.0
+    }
+}
+
+impl DerefMut for Started {
+    fn deref_mut(&mut self) -> &mut Child {
+        &mut self.0
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 /// One of the rooms' own binaries, to its end.

@@ -2,7 +2,7 @@
 //! tells it, and when no ball is ever seen it says so and everybody stays with what is safe. The
 //! Rust controller, an example of a program with fusion inside, does both by itself.
 
-use crate::run::{binary, turn};
+use crate::run::{Started, binary, turn};
 use shm_layout::correction::Reason;
 use shm_layout::launcher::{
     CommandKind, LauncherAnswer, LauncherState, Limits, NONE, Settings, Why,
@@ -132,17 +132,6 @@ fn fifty_balls_of_the_python_controller_close_the_loop() {
     assert!(std::fs::read_to_string(path("balls.csv")).unwrap().lines().count() > 45);
 }
 
-/// A process that is not told of its parent: it ends with the test, however that does.
-struct Ended(Child);
-
-impl Drop for Ended {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// The same machine and court, and no process `fusion`: it is within the controller.
 #[test]
 fn thirty_balls_of_the_rust_controller_close_the_loop() {
@@ -167,7 +156,7 @@ fn thirty_balls_of_the_rust_controller_close_the_loop() {
     let files = ["rig.toml", "machine.toml", "drill.toml"].map(path);
     let said = std::fs::File::create(path("said")).unwrap();
     let controller = Command::new(&example).arg(&court).args(files).stdout(said).spawn();
-    let mut controller = Ended(
+    let mut controller = Started(
         controller
             .unwrap_or_else(|why| panic!("{}: {why} (scripts/test builds it)", example.display())),
     );
@@ -187,12 +176,12 @@ fn thirty_balls_of_the_rust_controller_close_the_loop() {
     let truth = || std::fs::read_to_string(path("truth")).unwrap();
     while truth().lines().count() < N_BALLS {
         hear();
-        assert_eq!(controller.0.try_wait().unwrap(), None, "it goes on until Ctrl-C");
+        assert_eq!(controller.try_wait().unwrap(), None, "it goes on until Ctrl-C");
         house.look().unwrap();
         std::thread::yield_now();
     }
-    launcher::processes::signal(&controller.0, rustix::process::Signal::INT);
-    assert!(controller.0.wait().unwrap().success());
+    launcher::processes::signal(&controller, rustix::process::Signal::INT);
+    assert!(controller.wait().unwrap().success());
     hear();
     // It stops the machine when it goes.
     assert_eq!((stopped, refused), (1, 0));
