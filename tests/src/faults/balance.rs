@@ -131,10 +131,12 @@ pub fn frames_from(inputs: &Inputs) -> Frames {
     let Inputs { windows_ns, faults, seen_on_boards, seen_at_fusion, .. } = inputs;
     let away = faults.iter().filter(|fault| fault.part.is_bridge());
     let away = away.map(|fault| fault.at_ns - ON_THE_WAY_NS..=fault.recovered_ns);
-    // Before the first frame beside fusion the bridges were not there yet either.
+    // Before the first whole frame beside fusion the bridges were not there yet either: one that
+    // joins between a frame's info and its last strip brings a part of it.
     let firsts = [0, 1].map(|idx: u32| {
         let of_camera = seen_at_fusion.frames.values().filter(move |f| f.camera_idx == idx);
-        of_camera.map(|frame| frame.published_ns).min().unwrap_or_default()
+        let whole = of_camera.filter(|frame| frame.complete_ns.is_some());
+        whole.map(|frame| frame.published_ns).min().unwrap_or_default()
     });
     let away: Vec<_> = away.chain([StampNs::MIN..=firsts[0].max(firsts[1])]).collect();
     let calm_ns = windows_ns[0];
