@@ -32,6 +32,10 @@ const MOTION_UNNOTICED: f32 = 0.3;
 const EXPLAINED_MOST: f32 = 0.925;
 const EXPLAINED_OF_STREAK: f32 = 0.015;
 const STREAK_FROM: f32 = 0.8;
+/// What is seen beside a ball may be the person behind it: where all that it covers is explained,
+/// so much less of the whole is enough. `distractors` 96.6 → 97.2 %, `bad-weather` 91.0 → 93.1 %.
+const WHOLLY: f32 = 0.99;
+const LENIENT_IF_WHOLLY: f32 = 0.15;
 /// No ball moves farther than so many diameters during an exposure.
 const STREAK_MOST: f32 = 2.5;
 
@@ -182,8 +186,9 @@ fn from_spot(spot: &Spot, response: &Response) -> Option<Candidate> {
     let moved = disc.motion_px[0].hypot(disc.motion_px[1]) / (2.0 * disc.radius_px);
     let stricter = stricter + EXPLAINED_IF_MOVING * (moved - MOTION_UNNOTICED).max(0.0);
     let most = EXPLAINED_MOST + if moved > STREAK_FROM { EXPLAINED_OF_STREAK } else { 0.0 };
+    let lenient = if disc.explained_within >= WHOLLY { LENIENT_IF_WHOLLY } else { 0.0 };
     let is_ball = moved <= STREAK_MOST
-        && disc.explained >= (EXPLAINED_MIN + stricter).min(most)
+        && disc.explained >= (EXPLAINED_MIN + stricter).min(most) - lenient
         && disc.contrast.abs() >= CONTRAST_MIN
         && 2.0 * disc.radius_px <= WIDER_MAX.0 * long_px + WIDER_MAX.1;
     let unmodelled_px2 = BALL_SIGMA.0.powi(2) + (BALL_SIGMA.1 * 2.0 * disc.radius_px).powi(2);
@@ -207,20 +212,17 @@ fn from_spot(spot: &Spot, response: &Response) -> Option<Candidate> {
 /// A spot longer than wide is a streak, or the lit side of a ball whose other side is as bright as
 /// what is behind it. The likelier one it is.
 fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> {
-    let (columns, rows) = response.known();
-    let known = ((columns.start, columns.end), (rows.start, rows.end));
-    let fitted = |center_px: [f32; 2], radius_px: f32, motion_px: [f32; 2], light| {
-        let start = disc::Start {
-            center_px,
-            radius_px: radius_px.max(disc::RADIUS_MIN_PX),
-            motion_px,
-            light,
-            contrast: spot.contrast,
-            background: spot.background,
-            sigma: spot.sigma,
-            likeness: response.likeness(),
-        };
-        disc::fit(response.simd(), |x, y| response.pixel(x, y), known, start)
+    let start = |center_px: [f32; 2], radius_px: f32, motion_px: [f32; 2], light| disc::Start {
+        center_px,
+        radius_px: radius_px.max(disc::RADIUS_MIN_PX),
+        motion_px,
+        light,
+        contrast: spot.contrast,
+        background: spot.background,
+        sigma: spot.sigma,
+    };
+    let fitted = |center_px, radius_px, motion_px, light| {
+        disc::fit(response, start(center_px, radius_px, motion_px, light))
     };
     let [x, y] = spot.center_px;
     // Of half a disc the middle is 0.42 radii off, towards the light, and the shorter side's moment
@@ -253,16 +255,20 @@ fn best_disc(spot: &Spot, streak: &Streak, response: &Response) -> Option<Disc> 
         let whole = fitted(center_px, 0.5 * long_px as f32 - 1.0, [0.0; 2], None);
         as_ball = likeliest(as_ball.into_iter().chain(whole));
     }
-    // A near ball always moves by some pixels; which way its outline tells.
+    // A near ball always moves by some pixels; which way its outline tells. The two ways that
+    // promise most are followed: one alone is the wrong one at times.
     if long_px >= NEAR_BALL_PX
         && let Some(ball) = as_ball
     {
         let moving = |[ex, ey]: [f32; 2]| {
             let motion_px = [ex * MOTION_FIRST_PX, ey * MOTION_FIRST_PX];
-            fitted(ball.center_px, ball.radius_px, motion_px, Some(ball.light))
+            let start = start(ball.center_px, ball.radius_px, motion_px, Some(ball.light));
+            (disc::promise(response, &start), start)
         };
-        let ways = [[1.0, 0.0], [0.7, 0.7], [0.0, 1.0], [-0.7, 0.7]].map(moving);
-        as_ball = likeliest(ways.into_iter().flatten().chain([ball]));
+        let mut ways = [[1.0, 0.0], [0.7, 0.7], [0.0, 1.0], [-0.7, 0.7]].map(moving);
+        ways.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let moving = ways.into_iter().take(2).filter_map(|(_, start)| disc::fit(response, start));
+        as_ball = likeliest(moving.chain([ball]));
     }
     if streak.stretch < STRETCH_MIN || is_plain(&as_ball) {
         return as_ball;

@@ -7,6 +7,7 @@
 //! otherwise is its crowd, and makes the judge of its shape stricter.
 
 use crate::blobs::Blob;
+use crate::disc::Picture as _;
 use crate::method::REACH_PX;
 use crate::response::Response;
 use crate::strip::MAX_BALL_PX;
@@ -57,8 +58,13 @@ impl PixelBox {
         self.size_px().iter().product()
     }
 
-    fn places(self) -> impl Iterator<Item = (u32, u32)> {
-        (self.y.0..=self.y.1).flat_map(move |y| (self.x.0..=self.x.1).map(move |x| (x, y)))
+    /// Place, difference and background of each.
+    fn pixels(self, response: &Response) -> impl Iterator<Item = ((u32, u32), (f32, f32))> {
+        let row = move |y| {
+            let pixels = response.row(y, self.x.0..self.x.1 + 1);
+            pixels.zip(self.x.0..).map(move |(pixel, x)| ((x, y), pixel))
+        };
+        (self.y.0..=self.y.1).flat_map(row)
     }
 }
 
@@ -89,6 +95,8 @@ pub struct Spot {
 #[must_use]
 pub fn from_blob(response: &Response, blob: &Blob) -> Option<Spot> {
     let blob_box = PixelBox { x: (blob.x_min, blob.x_max), y: (blob.y_min, blob.y_max) };
+    // What is not known around the blob is not known around its spot.
+    ring(response, blob_box)?;
     let strongest = strongest_response(response, blob_box)?;
     if strongest.peak.abs() > IMPULSE_SHARE * strongest.sum.abs() {
         return None;
@@ -96,13 +104,16 @@ pub fn from_blob(response: &Response, blob: &Blob) -> Option<Spot> {
     let contrast = strongest.sum / 9.0;
     let sigma = strongest.sigma / 3.0;
     let least = (PART_OF_CONTRAST * contrast.abs()).max(SIGMAS * sigma);
-    let belongs = |(x, y): &(u32, u32)| response.difference(*x, *y) * contrast.signum() > least;
+    let belongs = |difference: f32| difference * contrast.signum() > least;
+    let n_of = |within: PixelBox| {
+        within.pixels(response).filter(|(_, (difference, _))| belongs(*difference)).count()
+    };
     // The response is over its limit in the middle only.
-    let pixels = grown(response, wider(response, blob_box), belongs)?;
+    let pixels = grown(response, wider(blob_box), n_of)?;
     let around = ring(response, pixels)?;
-    let n_inside = pixels.places().filter(&belongs).count();
+    let n_inside = n_of(pixels);
     let n_ring = around.area_px() - pixels.area_px();
-    let n_ring_out = around.places().filter(&belongs).count() - n_inside;
+    let n_ring_out = n_of(around) - n_inside;
     if n_ring_out as f32 > RING_SHARE_MAX * n_ring as f32 {
         return None;
     }
@@ -113,8 +124,8 @@ pub fn from_blob(response: &Response, blob: &Blob) -> Option<Spot> {
     let (mut weights, mut sums, mut squares, mut background) = (0.0, [0.0; 2], [0.0; 3], 0.0);
     // Sums are taken from the first pixel, so that f32 keeps its digits at column 4000.
     let (x_0, y_0) = (pixels.x.0 as f32, pixels.y.0 as f32);
-    for (x, y) in pixels.places().filter(&belongs) {
-        let (difference, behind) = response.pixel(x, y);
+    let own = pixels.pixels(response).filter(|(_, (difference, _))| belongs(*difference));
+    for ((x, y), (difference, behind)) in own {
         let weight = difference.abs().min(0.5 * contrast.abs());
         let (dx, dy) = (x as f32 - x_0, y as f32 - y_0);
         weights += weight;
@@ -151,6 +162,28 @@ fn crowd_of(response: &Response, pixels: PixelBox) -> f32 {
     (near - own) as f32 / (own + OWN_MIN) as f32
 }
 
+/// Differences of some pixels, grey levels.
+#[derive(Clone, Copy)]
+struct Differences {
+    sum: f32,
+    least: f32,
+    most: f32,
+}
+
+impl Differences {
+    fn of_three([a, b, c]: [f32; 3]) -> Self {
+        Self { sum: a + b + c, least: a.min(b).min(c), most: a.max(b).max(c) }
+    }
+
+    fn of_nine([a, b, c]: [Self; 3]) -> Self {
+        Self {
+            sum: a.sum + b.sum + c.sum,
+            least: a.least.min(b.least).min(c.least),
+            most: a.most.max(b.most).max(c.most),
+        }
+    }
+}
+
 struct Strongest {
     sum: f32,
     sigma: f32,
@@ -158,48 +191,45 @@ struct Strongest {
     peak: f32,
 }
 
-/// The response farthest from 0 in units of its σ, anywhere in a box.
+/// The response farthest from 0 in units of its σ, anywhere in a box whose neighbours are known.
 fn strongest_response(response: &Response, within: PixelBox) -> Option<Strongest> {
-    let (columns, rows) = response.known();
-    let nine_at = |x: u32, y: u32| {
-        let (mut sum, mut least, mut most) = (0.0, 0.0_f32, 0.0_f32);
-        for v in y.max(rows.start + 1) - 1..=(y + 1).min(rows.end - 1) {
-            for u in x.max(1) - 1..=(x + 1).min(columns.end - 1) {
-                let difference = response.difference(u, v);
-                sum += difference;
-                (least, most) = (least.min(difference), most.max(difference));
+    let mut strongest: Option<Strongest> = None;
+    for y in within.y.0..=within.y.1 {
+        let row = |y| response.row(y, within.x.0 - 1..within.x.1 + 2);
+        let threes = row(y - 1).zip(row(y)).zip(row(y + 1));
+        let mut threes = threes.map(|(((a, _), (b, _)), (c, _))| Differences::of_three([a, b, c]));
+        let (mut left, mut here) = (threes.next()?, threes.next()?);
+        for (x, right) in (within.x.0..).zip(threes) {
+            let Differences { sum, least, most } = Differences::of_nine([left, here, right]);
+            let sigma = response.sigma(x, y);
+            let is_stronger = |than: &Strongest| sum.abs() * than.sigma > than.sum.abs() * sigma;
+            if strongest.as_ref().is_none_or(is_stronger) {
+                let peak = if sum > 0.0 { most } else { least };
+                strongest = Some(Strongest { sum, sigma, peak });
             }
+            (left, here) = (here, right);
         }
-        let peak = if sum > 0.0 { most } else { least };
-        Strongest { sum, sigma: response.sigma(x, y), peak }
-    };
-    within
-        .places()
-        .map(|(x, y)| nine_at(x, y))
-        .max_by(|a, b| (a.sum.abs() * b.sigma).total_cmp(&(b.sum.abs() * a.sigma)))
+    }
+    strongest
 }
 
-/// The box with one pixel more on each side, where there is one.
-fn wider(response: &Response, PixelBox { x, y }: PixelBox) -> PixelBox {
-    let (columns, rows) = response.known();
-    let grow = |(first, last): (u32, u32), known: Range<u32>| {
-        (first.max(known.start + 1) - 1, (last + 1).min(known.end - 1))
-    };
-    PixelBox { x: grow(x, columns), y: grow(y, rows) }
+/// The box with one pixel more on each side.
+fn wider(PixelBox { x, y }: PixelBox) -> PixelBox {
+    PixelBox { x: (x.0 - 1, x.1 + 1), y: (y.0 - 1, y.1 + 1) }
 }
 
 /// The box and all that belongs to it beyond; `None` when that is too large for a ball.
 fn grown(
     response: &Response,
     from: PixelBox,
-    belongs: impl Fn(&(u32, u32)) -> bool,
+    n_belonging: impl Fn(PixelBox) -> usize,
 ) -> Option<PixelBox> {
     let (columns, rows) = response.known();
     let mut pixels = from;
     loop {
         let PixelBox { x, y } = pixels;
         let goes_on = |side: PixelBox| {
-            let n_out = side.places().filter(&belongs).count();
+            let n_out = n_belonging(side);
             n_out >= 2 && n_out as f32 > GROWING_SHARE * side.area_px() as f32
         };
         let mut next = pixels;

@@ -1,7 +1,29 @@
 //! Where a lit sphere is found to be, and what is found to be none.
 
-use workers::disc::{Start, fit};
+use std::ops::Range;
+use workers::disc::{Picture, Start, fit};
 use workers::dispatch::Simd;
+
+/// Difference and background of each pixel.
+struct Pixels<F>(F);
+
+impl<F: Fn(u32, u32) -> (f32, f32)> Picture for Pixels<F> {
+    fn simd(&self) -> Simd {
+        Simd::Portable
+    }
+
+    fn known(&self) -> (Range<u32>, Range<u32>) {
+        (0..84, 0..84)
+    }
+
+    fn row(&self, y: u32, columns: Range<u32>) -> impl Iterator<Item = (f32, f32)> {
+        columns.map(move |x| (self.0)(x, y))
+    }
+
+    fn likeness(&self) -> f32 {
+        1.0
+    }
+}
 
 /// The sRGB curve, exactly: light from 0 to 1 to grey levels.
 fn grey(light: f32) -> f32 {
@@ -48,7 +70,6 @@ fn start(center_px: [f32; 2], radius_px: f32, motion_px: [f32; 2]) -> Start {
         contrast: 60.0,
         background: 110.0,
         sigma: 2.0,
-        likeness: 1.0,
     }
 }
 
@@ -63,7 +84,7 @@ fn the_middle_of_a_side_lit_ball_in_front_of_a_line_is_found() {
     ] {
         let pixel = pixel_of(center_px, radius_px, [0.0; 2], 0.19);
         let start = start(center_px, radius_px, [0.0; 2]);
-        let disc = fit(Simd::Portable, pixel, ((0, 84), (0, 84)), start).unwrap();
+        let disc = fit(&Pixels(pixel), start).unwrap();
         let off = [0, 1].map(|k| disc.center_px[k] - center_px[k]);
         assert!(off[0].hypot(off[1]) < 0.07, "{off:?} at {radius_px}");
         assert!((disc.radius_px / radius_px - 1.0).abs() < 0.1, "{}", disc.radius_px);
@@ -91,7 +112,7 @@ fn the_middle_of_a_streak_is_that_of_the_middle_of_the_exposure() {
             let (sin, cos) = turned_deg.to_radians().sin_cos();
             let begun = [-0.7 * (cos * mx - sin * my), -0.7 * (sin * mx + cos * my)];
             let start = start(center_px, radius_px, begun);
-            let disc = fit(Simd::Portable, &pixel, ((0, 84), (0, 84)), start).unwrap();
+            let disc = fit(&Pixels(&pixel), start).unwrap();
             let off = [0, 1].map(|k| disc.center_px[k] - center_px[k]);
             let (at, [fx, fy]) = ([radius_px, mx, my, shadow, turned_deg], disc.motion_px);
             assert!(off[0].hypot(off[1]) < 0.1, "{off:?} at {at:?}");
@@ -113,8 +134,7 @@ fn what_is_no_ball_is_not_explained() {
         contrast: 50.0,
         background: 100.0,
         sigma: 2.0,
-        likeness: 1.0,
     };
-    let disc = fit(Simd::Portable, stripes, ((0, 42), (0, 42)), start);
+    let disc = fit(&Pixels(stripes), start);
     assert!(disc.is_none_or(|disc| disc.explained < 0.6), "{disc:?}");
 }

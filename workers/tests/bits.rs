@@ -27,7 +27,7 @@ const EXPECTED: &[(&str, usize, u64)] = &[
     ("test-5", 184, 0xd049_8130_7dc4_d5bd),
     ("test-6", 173, 0x6556_450a_8c03_1756),
     ("test-7", 203, 0x800c_b861_2bf0_284a),
-    ("matched", 130, 0x51e0_56f1_216e_2cb9),
+    ("matched", 132, 0x8853_cfb2_a069_b152),
 ];
 
 /// A ball lit from one side, smeared along its way: a sphere drawn at eight moments.

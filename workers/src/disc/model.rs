@@ -9,6 +9,8 @@ use crate::light;
 /// towards the camera); of one that moves also how far it does during the exposure.
 pub const N_STILL: usize = 7;
 pub const N: usize = 9;
+/// The shadow side's: its derivative is how much of a pixel the ball covers.
+const COVER: usize = 3;
 
 /// Blur of the outline, pixel and lens: a pixel that looks one pixel around itself sees an edge as
 /// a smoothstep of this width, √(20/6), less so much over the radius squared: the outline of a far
@@ -126,29 +128,33 @@ impl Model {
     fn values_at(&self, [cx, cy]: [f32; 2], pixels: &Pixels) -> (Lanes, [Lanes; N_STILL]) {
         let [_, _, radius, shadow, b, c, f, ..] = self.at;
         let edge_px = (EDGE_WIDTH_PX - EDGE_BENT_PX3 / (radius * radius)).max(EDGE_WIDTH_MIN_PX);
+        // Divisions cost more than all the rest of a pixel.
+        let (by_radius, by_edge) = (1.0 / radius, 1.0 / edge_px);
         let mut values = [0.0; LANES];
         let mut by = [[0.0; LANES]; N_STILL];
         for i in 0..LANES {
             let (dx, dy) = (pixels.x[i] - cx, pixels.y[i] - cy);
-            let r = (dx * dx + dy * dy).sqrt().max(1e-3);
-            let t = ((radius - r) / edge_px + 0.5).clamp(0.0, 1.0);
+            let r2 = (dx * dx + dy * dy).max(1e-6);
+            let r = r2.sqrt();
+            let by_r = 1.0 / r;
+            let t = ((radius - r) * by_edge + 0.5).clamp(0.0, 1.0);
             let cover = t * t * (3.0 - 2.0 * t);
-            let slope = 6.0 * t * (1.0 - t) / edge_px;
+            let slope = 6.0 * t * (1.0 - t) * by_edge;
             // The sphere's normal; beyond the outline, where blur shows it, that of the outline.
-            let over = (r / radius).max(1.0);
-            let (u, v) = (dx / (radius * over), dy / (radius * over));
+            let scale = by_r.min(by_radius);
+            let (u, v) = (dx * scale, dy * scale);
             let w = (1.0 - u * u - v * v).max(0.0).sqrt();
             let sunlight = b * u + c * v + f * w;
             let is_lit = if sunlight > 0.0 { 1.0 } else { 0.0 };
             let light = shadow + is_lit * sunlight - pixels.background[i];
-            let inner = is_lit * cover / (radius * over);
+            let inner = is_lit * cover * scale;
             let turning = if r < radius { f / w.max(NORMAL_MIN) } else { 0.0 };
-            let edge = slope * light / r;
+            let edge = slope * light * by_r;
             values[i] = cover * light;
             by[0][i] = edge * dx - inner * (b - turning * u);
             by[1][i] = edge * dy - inner * (c - turning * v);
             by[2][i] = slope * light - inner * (b * u + c * v - turning * (u * u + v * v));
-            by[3][i] = cover;
+            by[COVER][i] = cover;
             by[4][i] = is_lit * cover * u;
             by[5][i] = is_lit * cover * v;
             by[6][i] = is_lit * cover * w;
@@ -163,6 +169,9 @@ pub struct Sums {
     pub normal: [[f32; N]; N],
     pub gradient: [f32; N],
     pub residual2: f32,
+    /// Of the pixels that the ball covers, at least in part: their number, their squares, and what
+    /// is left of those.
+    pub covered: [f32; 3],
 }
 
 struct Summing<'a> {
@@ -187,6 +196,7 @@ struct Sum<const M: usize> {
     normal: [[Lanes; M]; M],
     gradient: [Lanes; M],
     residual2: Lanes,
+    covered: [Lanes; 3],
 }
 
 impl<const M: usize> Sum<M> {
@@ -194,6 +204,7 @@ impl<const M: usize> Sum<M> {
         normal: [[[0.0; LANES]; M]; M],
         gradient: [[0.0; LANES]; M],
         residual2: [0.0; LANES],
+        covered: [[0.0; LANES]; 3],
     };
 
     #[inline(always)]
@@ -201,6 +212,11 @@ impl<const M: usize> Sum<M> {
         for i in 0..LANES {
             let residual = pixels.weight[i] * (pixels.seen[i] - values[i]);
             self.residual2[i] += residual * residual;
+            let is_covered = if by[COVER][i] * pixels.weight[i] > 0.0 { 1.0 } else { 0.0 };
+            let seen = pixels.weight[i] * pixels.seen[i];
+            self.covered[0][i] += is_covered;
+            self.covered[1][i] += is_covered * (seen * seen);
+            self.covered[2][i] += is_covered * (residual * residual);
             for row in 0..M {
                 let here = pixels.weight[i] * by[row][i];
                 self.gradient[row][i] += here * residual;
@@ -213,19 +229,33 @@ impl<const M: usize> Sum<M> {
 
     #[inline(always)]
     fn end(&self, into: &mut Sums) {
-        let sum = |lanes: &Lanes| lanes.iter().sum::<f32>();
         for row in 0..M {
-            into.gradient[row] = sum(&self.gradient[row]);
+            into.gradient[row] = sum_of(self.gradient[row]);
             for column in 0..=row {
-                into.normal[row][column] = sum(&self.normal[row][column]);
+                into.normal[row][column] = sum_of(self.normal[row][column]);
             }
         }
-        into.residual2 = sum(&self.residual2);
+        into.residual2 = sum_of(self.residual2);
+        into.covered = self.covered.map(sum_of);
     }
 }
 
+/// Half to half, which is one order for every machine, and four times faster than one by one.
+#[inline(always)]
+pub fn sum_of(mut lanes: Lanes) -> f32 {
+    let mut n = LANES;
+    while n > 1 {
+        n /= 2;
+        for i in 0..n {
+            lanes[i] += lanes[i + n];
+        }
+    }
+    lanes[0]
+}
+
 impl Sums {
-    const ZERO: Self = Self { normal: [[0.0; N]; N], gradient: [0.0; N], residual2: 0.0 };
+    const ZERO: Self =
+        Self { normal: [[0.0; N]; N], gradient: [0.0; N], residual2: 0.0, covered: [0.0; 3] };
 
     #[inline(always)]
     fn of_still(&mut self, model: &Model, all: &[Pixels]) {

@@ -1,7 +1,11 @@
 //! Start → the pixels a ball is fitted to, in light.
 
-use super::{LANES, Lanes, MOTION_MAX, Start};
+use super::model::sum_of;
+use super::{LANES, Lanes, MOTION_MAX, Picture, Start};
+use crate::dispatch::Task;
 use crate::light;
+use arrayvec::ArrayVec;
+use std::ops::Range;
 
 /// Pixels farther outside the outline than this are left out.
 const MARGIN_PX: f32 = 2.0;
@@ -30,70 +34,126 @@ impl Pixels {
         background: [0.0; LANES],
         weight: [0.0; LANES],
     };
+
+    /// Difference and background of those that are there, grey levels → light.
+    #[inline(always)]
+    fn to_light(&mut self) {
+        for i in 0..LANES {
+            let (difference, behind) = (self.seen[i], self.background[i]);
+            let background = light::from_grey(behind);
+            self.background[i] = background;
+            self.seen[i] = light::from_grey(behind + difference) - background;
+            // Noise is about alike in grey levels. The brighter of both, lest a pixel that happens
+            // to be dark should count more.
+            self.weight[i] /= light::slope(behind + difference.max(0.0));
+        }
+    }
+
+    /// What is seen, squared, grey levels.
+    #[inline(always)]
+    fn squares(&self) -> Lanes {
+        std::array::from_fn(|i| (self.weight[i] * self.seen[i]).powi(2))
+    }
 }
 
 /// The pixels around a start.
 #[derive(Debug)]
 pub struct Window {
-    pixels: [Pixels; MAX_PIXELS / LANES],
+    pixels: ArrayVec<Pixels, { MAX_PIXELS / LANES }>,
     /// How many there are.
     pub n_px: f32,
     /// Each stands for so many.
     pub worth: f32,
     /// Sum of their squares, grey levels.
-    pub total2: f32,
+    total2: f32,
+    /// By how much a pixel's own variance is smaller than σ².
+    likeness: f32,
 }
 
 impl Window {
-    /// Those within these columns and rows (first, end).
-    pub fn around(
-        start: &Start,
-        pixel: impl Fn(u32, u32) -> (f32, f32),
-        (columns, rows): ((u32, u32), (u32, u32)),
-    ) -> Self {
+    /// Those that are known.
+    pub fn around(start: &Start, picture: &impl Picture) -> Self {
         let Start { center_px: [x, y], radius_px, motion_px, .. } = *start;
         let reach = radius_px * 1.3 + MARGIN_PX;
-        let range = |middle: f32, motion: f32, (first, end): (u32, u32)| {
+        let range = |middle: f32, motion: f32, known: Range<u32>| {
             let half = reach + 0.5 * motion.abs().min(MOTION_MAX * 2.0 * radius_px);
-            let from = (middle - half).ceil().max(first as f32) as u32;
-            let to = ((middle + half).floor().max(0.0) as u32 + 1).min(end);
-            (from, to.max(from))
+            let first = (middle - half).ceil().max(known.start as f32) as u32;
+            let end = ((middle + half).floor().max(0.0) as u32 + 1).min(known.end);
+            first..end.max(first)
         };
-        let (columns, rows) = (range(x, motion_px[0], columns), range(y, motion_px[1], rows));
-        let n_taken = |step: u32| {
-            ((columns.1 - columns.0).div_ceil(step) * (rows.1 - rows.0).div_ceil(step)) as usize
-        };
+        let known = picture.known();
+        let (columns, rows) = (range(x, motion_px[0], known.0), range(y, motion_px[1], known.1));
+        let n_taken = |step: usize| columns.len().div_ceil(step) * rows.len().div_ceil(step);
         let mut step = 1;
         while n_taken(step) > MAX_PIXELS {
             step += 1;
         }
         let mut window = Self {
-            pixels: [Pixels::NONE; MAX_PIXELS / LANES],
+            pixels: ArrayVec::new(),
             n_px: n_taken(step) as f32,
             worth: (step * step) as f32,
             total2: 0.0,
+            likeness: picture.likeness(),
         };
-        let places = (rows.0..rows.1)
-            .step_by(step as usize)
-            .flat_map(|y| (columns.0..columns.1).step_by(step as usize).map(move |x| (x, y)));
-        for (idx, (x, y)) in places.enumerate() {
-            let (difference, behind) = pixel(x, y);
-            let background = light::from_grey(behind);
-            let seen = light::from_grey(behind + difference) - background;
-            // Noise is about alike in grey levels. The brighter of both, lest a pixel that happens
-            // to be dark should count more.
-            let weight = 1.0 / light::slope(behind + difference.max(0.0));
-            let (chunk, lane) = (&mut window.pixels[idx / LANES], idx % LANES);
-            (chunk.x[lane], chunk.y[lane]) = (x as f32, y as f32);
-            (chunk.seen[lane], chunk.background[lane]) = (seen, background);
-            chunk.weight[lane] = weight;
-            window.total2 += (weight * seen).powi(2);
+        let (mut chunk, mut lane) = (Pixels::NONE, 0);
+        for y in rows.step_by(step) {
+            let row = picture.row(y, columns.clone());
+            // `step_by` of anything but a range takes three times as long.
+            let row = columns.clone().zip(row).enumerate();
+            for (_, (x, pixel)) in row.filter(|(at, _)| step == 1 || at % step == 0) {
+                (chunk.x[lane], chunk.y[lane]) = (x as f32, y as f32);
+                (chunk.seen[lane], chunk.background[lane]) = pixel;
+                chunk.weight[lane] = 1.0;
+                lane += 1;
+                if lane == LANES {
+                    window.pixels.push(chunk);
+                    lane = 0;
+                }
+            }
         }
+        if lane > 0 {
+            chunk.weight[lane..].fill(0.0);
+            window.pixels.push(chunk);
+        }
+        picture.simd().run(ToLight(&mut window));
         window
+    }
+
+    /// Inverse variance of a pixel, of a thinned-out window of all that it stands for.
+    pub fn weight(&self, start: &Start) -> f32 {
+        self.worth / (start.sigma * start.sigma)
+    }
+
+    /// Which part of the squares beyond the noise is explained when so many are left.
+    pub fn explained(&self, residual2: f32, start: &Start) -> f32 {
+        self.explained_of([self.n_px, self.total2, residual2], start)
+    }
+
+    /// The same of some pixels: their number, their squares, and what is left of those.
+    pub fn explained_of(&self, [n_px, total2, residual2]: [f32; 3], start: &Start) -> f32 {
+        let noise2 = n_px * start.sigma * start.sigma / self.likeness;
+        1.0 - (residual2 - noise2).max(0.0) / (total2 - noise2).max(noise2)
     }
 
     /// The pixels.
     pub fn pixels(&self) -> &[Pixels] {
-        &self.pixels[..(self.n_px as usize).div_ceil(LANES)]
+        &self.pixels
+    }
+}
+
+/// Grey levels of a window → light.
+struct ToLight<'a>(&'a mut Window);
+
+impl Task for ToLight<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let mut squares = [0.0; LANES];
+        for chunk in &mut self.0.pixels {
+            chunk.to_light();
+            for (sum, square) in squares.iter_mut().zip(chunk.squares()) {
+                *sum += square;
+            }
+        }
+        self.0.total2 = sum_of(squares);
     }
 }

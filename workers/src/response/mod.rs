@@ -24,6 +24,7 @@
 mod pass;
 
 use crate::Settings;
+use crate::disc::Picture;
 use crate::dispatch::Simd;
 use crate::grid::Grid;
 use crate::kernels::{CHUNK_PX, GAIN_ONE, MARGIN_PX, level_q7};
@@ -162,12 +163,6 @@ impl Response {
         }
     }
 
-    /// The instructions used.
-    #[must_use]
-    pub fn simd(&self) -> Simd {
-        self.simd
-    }
-
     /// How often the background was learned anew.
     #[must_use]
     pub fn n_relearned(&self) -> u64 {
@@ -202,36 +197,11 @@ impl Response {
         rows.map(of_row).sum()
     }
 
-    /// How much a pixel of the learned rows differs from its background, and that, grey levels.
-    #[must_use]
-    #[inline]
-    pub fn pixel(&self, x: u32, y: u32) -> (f32, f32) {
-        let row = (y - self.strip.learned().start) as usize;
-        let slot = self.past.now;
-        let luma = self.past.luma[slot][self.past_index(row, x as usize)];
-        let level = level_q7(luma, self.past.gains_q15[slot][y as usize + 1]);
-        let mean = self.mean[row * self.stride_px + x as usize];
-        (f32::from(level - mean) / 128.0, f32::from(mean) / 128.0)
-    }
-
-    /// How much a pixel of the learned rows differs from its background, grey levels.
-    #[must_use]
-    #[inline]
-    pub fn difference(&self, x: u32, y: u32) -> f32 {
-        self.pixel(x, y).0
-    }
-
     /// σ of the response around a pixel of the tested rows: of the sum of nine, grey levels.
     #[must_use]
     pub fn sigma(&self, x: u32, y: u32) -> f32 {
         let row = (y - self.strip.learned().start) as usize;
         f32::from(self.noise[row * self.stride_px + x as usize]) / 128.0 * SIGMA_OF_MEAN_SIZE
-    }
-
-    /// How much larger σ² of the response is than nine σ² of a pixel.
-    #[must_use]
-    pub fn likeness(&self) -> f32 {
-        self.grid.likeness()
     }
 
     /// The rows that are searched.
@@ -240,14 +210,36 @@ impl Response {
         self.strip.tested()
     }
 
-    /// The columns and rows whose pixels are known.
-    #[must_use]
-    pub fn known(&self) -> (Range<u32>, Range<u32>) {
-        (0..self.strip.width_px(), self.strip.learned())
-    }
-
     #[inline(always)]
     fn past_index(&self, learned_row: usize, x: usize) -> usize {
         (learned_row + 1) * (self.stride_px + 2 * MARGIN_PX) + MARGIN_PX + x
+    }
+}
+
+impl Picture for Response {
+    fn simd(&self) -> Simd {
+        self.simd
+    }
+
+    fn known(&self) -> (Range<u32>, Range<u32>) {
+        (0..self.strip.width_px(), self.strip.learned())
+    }
+
+    #[inline]
+    fn row(&self, y: u32, columns: Range<u32>) -> impl Iterator<Item = (f32, f32)> {
+        let row = (y - self.strip.learned().start) as usize;
+        let slot = self.past.now;
+        let gain_q15 = self.past.gains_q15[slot][y as usize + 1];
+        let (first, n_px) = (columns.start as usize, columns.len());
+        let luma = &self.past.luma[slot][self.past_index(row, first)..][..n_px];
+        let mean = &self.mean[row * self.stride_px + first..][..n_px];
+        luma.iter().zip(mean).map(move |(luma, mean)| {
+            let difference = level_q7(*luma, gain_q15) - mean;
+            (f32::from(difference) / 128.0, f32::from(*mean) / 128.0)
+        })
+    }
+
+    fn likeness(&self) -> f32 {
+        self.grid.likeness()
     }
 }
