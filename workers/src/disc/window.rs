@@ -37,7 +37,7 @@ impl Pixels {
 
     /// Difference and background of those that are there, grey levels → light.
     #[inline(always)]
-    fn to_light(&mut self) {
+    fn turn_to_light(&mut self) {
         for i in 0..LANES {
             let (difference, behind) = (self.seen[i], self.background[i]);
             let background = light::from_grey(behind);
@@ -149,7 +149,7 @@ impl Task for ToLight<'_> {
     fn run(self) {
         let mut squares = [0.0; LANES];
         for chunk in &mut self.0.pixels {
-            chunk.to_light();
+            chunk.turn_to_light();
             for (sum, square) in squares.iter_mut().zip(chunk.squares()) {
                 *sum += square;
             }
