@@ -1,9 +1,9 @@
 //! Balls that were served, shots that were told, frames that were seen → what became of each.
 
 use super::campaign::{Fault, Told};
-use super::report::Inputs;
 use super::served::{BallKey, Flown, Held, Miss};
 use crate::accuracy::figures::{mean, quantile};
+use crate::witness::Seen;
 use serde::Serialize;
 use shm_layout::StampNs;
 use std::collections::{BTreeMap, BTreeSet};
@@ -125,10 +125,14 @@ fn met(fault: &Fault, flown: &Flown) -> bool {
         && fault.recovered_ns + AFTERWARDS_NS > flown.launched_ns
 }
 
-/// Draws the balance of frames.
+/// Draws the balance of frames; the calm time has a begin and an end.
 #[must_use]
-pub fn frames_from(inputs: &Inputs) -> Frames {
-    let Inputs { windows_ns, faults, seen_on_boards, seen_at_fusion, .. } = inputs;
+pub fn frames_from(
+    calm_ns: [StampNs; 2],
+    faults: &[Fault],
+    seen_on_boards: &[Seen; 2],
+    seen_at_fusion: &Seen,
+) -> Frames {
     let away = faults.iter().filter(|fault| fault.part.is_bridge());
     let away = away.map(|fault| fault.at_ns - ON_THE_WAY_NS..=fault.recovered_ns);
     // Before the first whole frame beside fusion the bridges were not there yet either: one that
@@ -139,7 +143,6 @@ pub fn frames_from(inputs: &Inputs) -> Frames {
         whole.map(|frame| frame.published_ns).min().unwrap_or_default()
     });
     let away: Vec<_> = away.chain([StampNs::MIN..=firsts[0].max(firsts[1])]).collect();
-    let calm_ns = windows_ns[0];
     let mut frames = Frames::default();
     let mut way_ms = Vec::new();
     for (board, seen) in seen_on_boards.iter().enumerate() {
@@ -183,4 +186,34 @@ fn missed_text(board: usize, frame_idx: u64, at_ns: StampNs, faults: &[Fault]) -
     let before = words(faults.iter().rfind(|fault| fault.at_ns < at_ns));
     let after = words(faults.iter().find(|fault| fault.at_ns >= at_ns));
     format!("frame {frame_idx} of board {board}, between {before} and {after}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of one camera, 10 ms apart from 1 s on: which are whole.
+    fn seen(camera_idx: u32, shift_ns: StampNs, are_whole: &[(u64, bool)]) -> Seen {
+        let mut seen = Seen::default();
+        for &(frame_idx, is_whole) in are_whole {
+            let frame = seen.frames.entry((u64::from(camera_idx), frame_idx)).or_default();
+            frame.camera_idx = camera_idx;
+            frame.published_ns = 1_000_000_000 + frame_idx as StampNs * 10_000_000 + shift_ns;
+            frame.complete_ns = is_whole.then_some(frame.published_ns + 1_000_000);
+        }
+        seen
+    }
+
+    #[test]
+    fn frames_are_lost_unexplained_once_the_bridges_have_brought_a_whole_one() {
+        let whole = [(0, true), (1, true), (2, true), (3, true)];
+        let boards = [seen(0, 0, &whole), seen(1, 0, &whole)];
+        // A bridge joined in the middle of the left camera's first frame; fusion's clock is behind.
+        let mut at_fusion = seen(0, -50_000, &[(0, false), (1, true), (2, false), (3, true)]);
+        at_fusion.frames.extend(seen(1, -50_000, &whole).frames);
+        let calm_ns = [1_005_000_000, 1_100_000_000];
+        let frames = frames_from(calm_ns, &[], &boards, &at_fusion);
+        assert_eq!(frames.unexplained, ["frame 2 of board 0, between nothing and nothing"]);
+        assert_eq!((frames.n_in_calm, frames.n_lost_in_calm), (6, 1));
+    }
 }

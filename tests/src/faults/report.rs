@@ -95,7 +95,8 @@ impl Report {
         let Inputs { plan, windows_ns, served, told, faults, gauges, .. } = &inputs;
         let begun_ns = windows_ns[0][0];
         let balls = balls_from(served, told, faults);
-        let frames = frames_from(&inputs);
+        let frames =
+            frames_from(windows_ns[0], faults, &inputs.seen_on_boards, &inputs.seen_at_fusion);
         let parts = parts_from(faults, gauges);
         let broken = broken_from(&inputs, &balls, &frames, &parts);
         let slow = slow_from(faults, &frames);
