@@ -59,8 +59,8 @@ fn upper(a: u16, b: u16) -> u16 {
 
 /// Grey level without the change of light, Q7.
 ///
-/// Byte by byte of the gain, since compilers take a product of a byte and a word for one of 32 bits,
-/// of which half as many fit a register: without AVX2 a frame takes 10 % longer so.
+/// Byte by byte of the gain: compilers take a product of a byte and a word for one of 32 bits, of
+/// which half as many fit a register. Without AVX2 a frame takes 10 % longer so.
 #[inline(always)]
 pub fn level_q7(luma: u8, gain_q15: u16) -> i16 {
     let luma = u16::from(luma);
