@@ -1,5 +1,6 @@
-//! Capture begins anew with frames of another size while workers run: they follow, and what they
-//! find is what workers find that never saw the other size, bit for bit.
+//! Capture begins anew, with frames of another size or not, while workers run: they follow, what
+//! they find is what workers find that never saw the other size, bit for bit, and they take no more
+//! memory.
 
 use crate::run::turn;
 use shm_layout::services::{Domain, Place};
@@ -7,6 +8,7 @@ use shm_layout::{Camera, StripCandidates};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
+use tests::latency::usage::memory;
 use tests::processes::{Household, Until, own_court};
 
 const N_WORKERS: u32 = 2;
@@ -119,4 +121,26 @@ fn workers_follow_frames_of_another_size_and_find_nothing_that_is_not_there() {
             assert!(after == alone, "killed: {is_killed}: other candidates after another size");
         }
     }
+}
+
+#[test]
+fn a_worker_has_room_for_one_recording_only() {
+    let _turn = turn();
+    let folder = tempfile::tempdir().unwrap();
+    let recording = write_recording(folder.path(), "again", (640, 480));
+    let court = own_court("room").unwrap();
+    let mut house = Household::new(&court).unwrap();
+    let flags = ["--camera", "left", "--strip", "0", "--of", "1"];
+    let worker = house.start("worker", "worker", &flags, Until::Stopped, Stdio::null()).unwrap();
+    let worker = worker.id();
+    let path = recording.to_str().unwrap();
+    let taken_mib: Vec<f64> = (0..6)
+        .map(|_| {
+            let flags = ["--camera", "left", "--speed", "max", "--recording", path];
+            let capture = house.start("capture", "capture", &flags, Until::Done, Stdio::null());
+            assert!(capture.unwrap().wait().unwrap().success());
+            memory(worker).unwrap().private_kib as f64 / 1024.0
+        })
+        .collect();
+    assert!(taken_mib.iter().all(|mib| (mib - taken_mib[0]).abs() < 1.0), "{taken_mib:?}");
 }

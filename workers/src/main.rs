@@ -111,6 +111,8 @@ fn run(flags: &Flags, stop: &Stop) -> anyhow::Result<()> {
                 slot => {
                     // Another camera mode or run: its background is not ours, nor its numbers.
                     forget_at = None;
+                    // It goes first, lest the heap keep room for two.
+                    *slot = None;
                     let strip = Strip::new(flags.strip, flags.of, (info.width_px, info.height_px));
                     &mut slot.insert((info, Worker::new(strip, &settings))).1
                 }
