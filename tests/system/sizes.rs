@@ -142,5 +142,6 @@ fn a_worker_has_room_for_one_recording_only() {
             memory(worker).unwrap().private_kib as f64 / 1024.0
         })
         .collect();
-    assert!(taken_mib.iter().all(|mib| (mib - taken_mib[0]).abs() < 1.0), "{taken_mib:?}");
+    // A second background is 6 MiB.
+    assert!(taken_mib.iter().all(|mib| mib - taken_mib[0] < 3.0), "{taken_mib:?}");
 }
